@@ -1,0 +1,2 @@
+//! On-vehicle loop.
+#![no_std]

@@ -1,0 +1,2 @@
+//! The `sdslam` command.
+fn main() {}
