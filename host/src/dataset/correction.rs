@@ -10,17 +10,23 @@ pub const ELEVATION_CORRECTION_DEG: f64 = 0.205;
 ///
 /// For scans of KITTI; other drives and simulated ones lack the defect.
 pub fn correct_elevation(points: &mut [[f32; 4]]) {
-    let (sin, cos) = ELEVATION_CORRECTION_DEG.to_radians().sin_cos();
     for point in points {
-        let [x, y, z] = [point[0], point[1], point[2]].map(f64::from);
-        let horizontal = x.hypot(y);
-        if horizontal > 0.0 {
-            // Rotation about p x z: the vertical plane through the point is kept.
-            let shrink = cos - sin * z / horizontal;
-            *point =
-                [(x * shrink) as f32, (y * shrink) as f32, (z * cos + horizontal * sin) as f32, point[3]];
-        }
+        let [x, y, z, _] = point.map(f64::from);
+        let [x, y, z] = with_corrected_elevation([x, y, z]);
+        *point = [x as f32, y as f32, z as f32, point[3]];
     }
+}
+
+/// [`correct_elevation`] of one point, in double precision.
+pub fn with_corrected_elevation([x, y, z]: [f64; 3]) -> [f64; 3] {
+    let horizontal = x.hypot(y);
+    if horizontal == 0.0 {
+        return [x, y, z];
+    }
+    // Rotation about p x z: the vertical plane through the point is kept.
+    let (sin, cos) = ELEVATION_CORRECTION_DEG.to_radians().sin_cos();
+    let shrink = cos - sin * z / horizontal;
+    [x * shrink, y * shrink, z * cos + horizontal * sin]
 }
 
 /// When a point was measured, in scan periods from mid-scan (-0.5 to 0.5), from its azimuth.

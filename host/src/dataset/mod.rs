@@ -15,6 +15,9 @@ mod sequence;
 mod text;
 pub mod trajectory;
 
-pub use correction::{ELEVATION_CORRECTION_DEG, correct_elevation, deskew, time_in_scan};
+pub use correction::{
+    ELEVATION_CORRECTION_DEG, correct_elevation, deskew, time_in_scan, with_corrected_elevation,
+};
 pub use error::DatasetError;
+pub(crate) use sequence::files_in;
 pub use sequence::{RawScan, Sequence, read_labels, read_scan};

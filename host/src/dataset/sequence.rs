@@ -179,7 +179,7 @@ fn folder(what: &'static str, path: PathBuf, hint: &'static str) -> Result<PathB
 
 /// Which sequences there are, for the message that one is not.
 fn available(sequences: &Path) -> Result<String, DatasetError> {
-    let mut names: Vec<_> = entries(sequences)?
+    let mut names: Vec<_> = files_in(sequences)?
         .into_iter()
         .filter(|path| path.is_dir())
         .filter_map(|path| Some(path.file_name()?.to_string_lossy().into_owned()))
@@ -188,7 +188,8 @@ fn available(sequences: &Path) -> Result<String, DatasetError> {
     Ok(if names.is_empty() { "there are none".into() } else { format!("there are {}", names.join(", ")) })
 }
 
-fn entries(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
+/// Everything in a folder, in any order.
+pub(crate) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, DatasetError> {
     let read = |entry: std::io::Result<std::fs::DirEntry>| entry.map(|entry| entry.path());
     let entries = std::fs::read_dir(folder).map_err(DatasetError::read(folder))?;
     entries.map(read).collect::<Result<_, _>>().map_err(DatasetError::read(folder))
@@ -199,7 +200,7 @@ fn scan_files(velodyne: &Path) -> Result<BTreeMap<usize, PathBuf>, DatasetError>
         let number = path.file_stem()?.to_str()?.parse::<u32>().ok()?;
         (path.extension()? == "bin").then_some((number as usize, path))
     };
-    Ok(entries(velodyne)?.into_iter().filter_map(numbered).collect())
+    Ok(files_in(velodyne)?.into_iter().filter_map(numbered).collect())
 }
 
 fn read_calibration(path: &Path) -> Result<MapPose, DatasetError> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix3x4, Matrix4, Rotation3, Translation3, UnitQuaternion, Vector3};
 use sdslam_core::MapPose;
 
 use super::DatasetError;
@@ -39,23 +39,30 @@ pub fn numbers<const N: usize>(line: &str) -> Result<[f64; N], String> {
     if count == N { Ok(out) } else { Err(format!("found {count} numbers, expected {N}")) }
 }
 
-/// A rigid transform from the upper 3x4 part of its matrix, row by row.
-pub fn rigid_transform(line: &str) -> Result<MapPose, String> {
-    let m = numbers::<12>(line)?;
-    let matrix = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
-    let skew = (matrix.transpose() * matrix - Matrix3::identity()).abs().max();
+/// The matrix whose upper 3x4 part is in the line, row by row. Its rotation may be off by rounding.
+pub fn rigid_matrix(line: &str) -> Result<Matrix4<f64>, String> {
+    let mut matrix = Matrix4::identity();
+    matrix.fixed_view_mut::<3, 4>(0, 0).copy_from(&Matrix3x4::from_row_slice(&numbers::<12>(line)?));
+    let rotation = matrix.fixed_view::<3, 3>(0, 0);
+    let skew = (rotation.transpose() * rotation - Matrix3::identity()).abs().max();
     // Entries first: huge ones would overflow to NaN, which compares as anything.
-    let bounded = matrix.iter().all(|entry| entry.abs() < 2.0);
-    if !bounded || skew > MAX_SKEW || matrix.determinant() < 0.0 {
+    let bounded = rotation.iter().all(|entry| entry.abs() < 2.0);
+    if !bounded || skew > MAX_SKEW || rotation.determinant() < 0.0 {
         return Err("the first three columns of the 3x4 matrix are not a rotation".into());
     }
-    let rotation = UnitQuaternion::from_rotation_matrix(&nearest_rotation(&matrix));
-    Ok(MapPose::from_parts(Translation3::from(Vector3::new(m[3], m[7], m[11])), rotation))
+    Ok(matrix)
 }
 
-/// Files hold rotations rounded to some digits: one Newton step towards the polar factor squares the error.
-fn nearest_rotation(matrix: &Matrix3<f64>) -> Rotation3<f64> {
-    let mut r = *matrix;
+/// The rigid transform nearest to the matrix in the line.
+pub fn rigid_transform(line: &str) -> Result<MapPose, String> {
+    let matrix = rigid_matrix(line)?;
+    let rotation = nearest_rotation(matrix.fixed_view::<3, 3>(0, 0).into());
+    let translation: Vector3<f64> = matrix.fixed_view::<3, 1>(0, 3).into();
+    Ok(MapPose::from_parts(Translation3::from(translation), UnitQuaternion::from_rotation_matrix(&rotation)))
+}
+
+/// Files hold rotations rounded to some digits. Every Newton step towards the polar factor squares the error.
+fn nearest_rotation(mut r: Matrix3<f64>) -> Rotation3<f64> {
     for _ in 0..3 {
         r = r * (Matrix3::identity() * 3.0 - r.transpose() * r) * 0.5;
     }

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use nalgebra::{Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Matrix4, Quaternion, Translation3, UnitQuaternion};
 use sdslam_core::MapPose;
 
 use super::{DatasetError, text};
@@ -15,8 +15,8 @@ const MAX_NORM_ERROR: f64 = 0.02;
 /// A trajectory as its file holds it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Trajectory {
-    /// KITTI: one pose a frame.
-    Kitti(Vec<MapPose>),
+    /// KITTI: one matrix a frame, its rotation as good as the file's digits.
+    Kitti(Vec<Matrix4<f64>>),
     /// TUM: time stamp [s] and pose.
     Tum(Vec<(f64, MapPose)>),
 }
@@ -28,11 +28,11 @@ pub fn read(path: &Path) -> Result<Trajectory, DatasetError> {
         Some((_, line)) if text::numbers::<8>(line).is_ok() => {
             parse(path, &text, tum_line).map(Trajectory::Tum)
         }
-        _ => parse(path, &text, text::rigid_transform).map(Trajectory::Kitti),
+        _ => parse(path, &text, text::rigid_matrix).map(Trajectory::Kitti),
     }
 }
 
-/// Reads a KITTI file: one pose a line.
+/// Reads a KITTI file: one pose a line, the rotation nearest to the matrix.
 pub fn read_kitti(path: &Path) -> Result<Vec<MapPose>, DatasetError> {
     parse(path, &text::read(path)?, text::rigid_transform)
 }
