@@ -1,6 +1,7 @@
 //! What the core says about a frame: the pose and the evidence for it.
 
 use crate::landmarks::MotionState;
+use crate::motion_state::recognition::MotionCues;
 use crate::pose::MapPose;
 use crate::scan::SemanticClass;
 
@@ -215,6 +216,10 @@ pub struct TrackReport {
     pub velocity: [f32; 2],
     /// Index of its landmark in this frame, `None` while the track coasts.
     pub landmark: Option<u16>,
+    /// Landmarks associated so far.
+    pub hits: u32,
+    /// What spoke for or against motion in this frame.
+    pub evidence: MotionCues,
 }
 
 /// The stages of one frame, in the order of the paper.

@@ -303,6 +303,8 @@ impl<
                 position: [0, 1, 2].map(|k| self.motion.anchor_m[k] + f64::from(local[k])),
                 velocity: [v.x, v.y],
                 landmark: track.landmark,
+                hits: track.hits,
+                evidence: track.cues,
             }
         })
     }
