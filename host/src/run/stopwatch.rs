@@ -1,0 +1,109 @@
+//! Wall time per stage: the core has no clock, so the host reads one when a stage reports that it is done.
+
+use std::time::{Duration, Instant};
+
+use sdslam_core::{Stage, StageObserver};
+use serde::Serialize;
+
+use super::tally::Named;
+
+/// Measures the stages of one frame.
+pub(super) struct Stopwatch {
+    last: Instant,
+    stages: [Duration; Stage::ALL.len()],
+}
+
+impl Stopwatch {
+    pub(super) fn start() -> Self {
+        Self { last: Instant::now(), stages: [Duration::ZERO; Stage::ALL.len()] }
+    }
+
+    /// Time of every stage \[ms\], in the order of [`Stage::ALL`], and of the whole frame.
+    pub(super) fn stop(self) -> ([f32; Stage::ALL.len()], f32) {
+        let rest = self.last.elapsed();
+        let total = self.stages.iter().sum::<Duration>() + rest;
+        (self.stages.map(milliseconds), milliseconds(total))
+    }
+}
+
+impl StageObserver for Stopwatch {
+    fn finished(&mut self, stage: Stage) {
+        let now = Instant::now();
+        self.stages[stage as usize] += now - self.last;
+        self.last = now;
+    }
+}
+
+fn milliseconds(duration: Duration) -> f32 {
+    duration.as_secs_f32() * 1e3
+}
+
+/// Times of all frames.
+#[derive(Default)]
+pub(super) struct Times {
+    stages: [Vec<f32>; Stage::ALL.len()],
+    total: Vec<f32>,
+}
+
+impl Times {
+    pub(super) fn push(&mut self, stopwatch: Stopwatch) {
+        let (stages, total) = stopwatch.stop();
+        for (times, time) in self.stages.iter_mut().zip(stages) {
+            times.push(time);
+        }
+        self.total.push(total);
+    }
+
+    /// Milliseconds of every frame, one a line.
+    pub(super) fn lines(&self) -> String {
+        self.total.iter().map(|ms| format!("{ms:.3}\n")).collect()
+    }
+
+    /// Statistics per stage.
+    pub(super) fn stages(&self) -> Named<Milliseconds, { Stage::ALL.len() }> {
+        Named(Stage::ALL.map(|stage| (stage.name(), Milliseconds::of(&self.stages[stage as usize]))))
+    }
+
+    /// Statistics of whole frames.
+    pub(super) fn total(&self) -> Milliseconds {
+        Milliseconds::of(&self.total)
+    }
+}
+
+/// Milliseconds per frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Milliseconds {
+    /// Mean.
+    pub mean: f32,
+    /// 95 % of the frames take at most this.
+    pub p95: f32,
+    /// The slowest frame.
+    pub max: f32,
+}
+
+impl Milliseconds {
+    fn of(times: &[f32]) -> Self {
+        let mut sorted = times.to_vec();
+        sorted.sort_by(f32::total_cmp);
+        let Some(&max) = sorted.last() else { return Self::default() };
+        let mean = sorted.iter().sum::<f32>() / sorted.len() as f32;
+        Self { mean, p95: sorted[(sorted.len() * 95).div_ceil(100) - 1], max }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_of_one_to_a_hundred() {
+        let times: Vec<f32> = (1..=100).rev().map(|ms| ms as f32).collect();
+        assert_eq!(Milliseconds::of(&times), Milliseconds { mean: 50.5, p95: 95.0, max: 100.0 });
+    }
+
+    #[test]
+    fn one_frame_is_its_own_statistics_and_none_is_zero() {
+        assert_eq!(Milliseconds::of(&[3.0]), Milliseconds { mean: 3.0, p95: 3.0, max: 3.0 });
+        assert_eq!(Milliseconds::of(&[]), Milliseconds::default());
+    }
+}
