@@ -13,7 +13,13 @@ use crate::dataset::Sequence;
 use crate::dataset::trajectory::{self, Trajectory};
 use crate::evaluate::{self, MapEntropyOptions};
 
-/// Compare a result with the truth: a trajectory, labels, or the crispness of the map (which needs no truth).
+const EXAMPLES: &str = "\
+Examples:
+  sdslam evaluate --ground-truth ~/kitti/poses/07.txt --estimate results/07/poses_kitti.txt
+  sdslam evaluate --labels-truth ~/kitti/sequences/07/labels --labels-estimate results/07/motion
+  sdslam evaluate --map-entropy --dataset ~/kitti --sequence 07 --poses results/07/poses_kitti.txt";
+
+/// Measure a result: a trajectory, labels, or the map.
 ///
 /// Trajectories: t_rel [%] and r_rel [deg/100 m] by the KITTI odometry devkit's definition, ATE [m] after rigid alignment
 /// and RPE, as evo has them. Files are KITTI (12 numbers a line, camera frame) or TUM (8, paired by time stamp); the
@@ -21,16 +27,15 @@ use crate::evaluate::{self, MapEntropyOptions};
 ///
 /// Labels: IoU of the classes and of the moving points, as semantic-kitti-api counts them.
 ///
-/// Map entropy: how thin the surfaces are in the map that the scans make with the given poses; lower is better.
-///
-/// Examples:
-///   sdslam evaluate --ground-truth ~/kitti/poses/07.txt --estimate results/07/poses_kitti.txt
-///   sdslam evaluate --labels-truth ~/kitti/sequences/07/labels --labels-estimate results/07/motion
-///   sdslam evaluate --map-entropy --dataset ~/kitti --sequence 07 --poses results/07/poses_kitti.txt
+/// Map entropy: how thin the surfaces are in the map that the scans make with the given poses; lower is better. It needs
+/// no truth.
 #[derive(Debug, clap::Args)]
-#[command(verbatim_doc_comment)]
+#[command(after_help = EXAMPLES)]
 #[command(group = ArgGroup::new("what").required(true).args(["estimate", "labels_estimate", "map_entropy"]))]
 pub(super) struct Args {
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
     /// Trajectory to compare.
     #[arg(long, value_name = "FILE", requires = "ground_truth", help_heading = "Trajectories")]
     estimate: Option<PathBuf>,
@@ -48,9 +53,6 @@ pub(super) struct Args {
     map_entropy: bool,
     #[command(flatten)]
     map: MapArgs,
-    /// Print JSON instead of a table.
-    #[arg(long)]
-    json: bool,
 }
 
 /// Which drive makes the map, and how it is measured.

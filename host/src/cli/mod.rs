@@ -24,10 +24,10 @@ Try it with nothing but this program:  sdslam demo";
 /// SD-SLAM: semantic LiDAR SLAM for dynamic scenes. Labelled LiDAR scans in; trajectory, what moves, and a static
 /// semantic map out.
 ///
-/// Drives are in KITTI odometry layout with SemanticKITTI labels: DATASET/sequences/NN/{velodyne,labels,calib.txt,
-/// times.txt} and, for ground truth, DATASET/poses/NN.txt.
+/// Drives are in KITTI odometry layout with SemanticKITTI labels: the folders velodyne and labels and the files calib.txt
+/// and times.txt in DATASET/sequences/NN and, for ground truth, DATASET/poses/NN.txt.
 #[derive(Debug, Parser)]
-#[command(name = "sdslam", version, after_help = AFTER_HELP, propagate_version = true)]
+#[command(name = "sdslam", version, after_help = AFTER_HELP)]
 pub struct Cli {
     #[command(subcommand)]
     command: Command,

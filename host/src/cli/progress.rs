@@ -2,7 +2,7 @@
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-const TEMPLATE: &str = "{prefix} [{bar:32}] {pos}/{len} frames, {per_sec}, {eta} left";
+const TEMPLATE: &str = "{prefix} [{bar:32}] {pos}/{len} frames, {per_sec:.1} frames/s, {eta} left";
 
 /// The bar of a job over frames.
 pub(super) struct Progress(ProgressBar);

@@ -8,8 +8,8 @@ use crate::simulate::{self, Options, Traffic};
 
 /// Simulate a drive through a procedural town, seen by an HDL-64E.
 ///
-/// Writes KITTI odometry layout with exact SemanticKITTI labels, moving ids and poses to DIR: sequences/NN/{velodyne,
-/// labels,calib.txt,times.txt} and poses/NN.txt. The same seed gives the same files, whatever the number of threads. The
+/// Writes KITTI odometry layout with exact SemanticKITTI labels, moving ids and poses to
+/// DIR/sequences/NN and DIR/poses/NN.txt. The same seed gives the same files, whatever the number of threads. The
 /// scans lack the elevation defect of KITTI's: run on them with --no-elevation-correction.
 ///
 /// Example: sdslam simulate --out town --seed 7 --frames 300
