@@ -31,7 +31,7 @@ const FILES: [&str; 9] = [
 #[test]
 fn help_explains_every_subcommand_with_an_example() {
     let help = text(sdslam(["--help"]).success());
-    for command in ["run", "evaluate", "simulate", "demo", "config", "completions"] {
+    for command in ["run", "evaluate", "config", "completions"] {
         assert!(help.contains(&format!("\n  {command} ")), "{command} is not in the help");
         let own = text(sdslam([command, "--help"]).success());
         assert!(own.contains(&format!("sdslam {command}")) && own.contains("Example"), "{own}");

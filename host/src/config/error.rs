@@ -44,7 +44,7 @@ pub enum ConfigError {
         found: &'static str,
     },
     /// The value is outside its range.
-    #[error("{}: `{parameter}` must be {expected}, found {found}", .file.display())]
+    #[error("{}: `{parameter}` must be {expected}{found}", .file.display())]
     OutOfRange {
         /// The file.
         file: PathBuf,
@@ -52,7 +52,7 @@ pub enum ConfigError {
         parameter: &'static str,
         /// What is allowed.
         expected: &'static str,
-        /// The value.
+        /// The value, where the parameter is one key: `, found ...`.
         found: String,
     },
 }

@@ -132,7 +132,9 @@ impl HostConfig {
     pub fn check(&self, file: &Path) -> Result<(), ConfigError> {
         let fault = self.check_host().or_else(|| self.core.check().err().map(|e| (e.parameter, e.expected)));
         fault.map_or(Ok(()), |(parameter, expected)| {
-            let found = merge::lookup(&self.to_table(), parameter).map_or_else(String::new, render::literal);
+            let table = self.to_table();
+            let found = merge::lookup(&table, parameter);
+            let found = found.map_or_else(String::new, |value| format!(", found {}", render::literal(value)));
             Err(ConfigError::OutOfRange { file: file.into(), parameter, expected, found })
         })
     }
