@@ -31,7 +31,7 @@ const FILES: [&str; 9] = [
 #[test]
 fn help_explains_every_subcommand_with_an_example() {
     let help = text(sdslam(["--help"]).success());
-    for command in ["run", "evaluate", "config", "completions"] {
+    for command in ["run", "evaluate", "simulate", "demo", "config", "completions"] {
         assert!(help.contains(&format!("\n  {command} ")), "{command} is not in the help");
         let own = text(sdslam([command, "--help"]).success());
         assert!(own.contains(&format!("sdslam {command}")) && own.contains("Example"), "{own}");
@@ -342,6 +342,48 @@ fn an_evaluation_of_missing_files_names_them() {
     assert!(refusal.contains("a.txt"), "{refusal}");
     sdslam(["evaluate", "--estimate", "b.txt"]).code(USAGE);
     sdslam(["evaluate", "--map-entropy", "--dataset", "."]).code(USAGE);
+}
+
+// ---- simulation and demo ----
+
+#[test]
+fn a_simulated_drive_runs_and_its_pose_is_found() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    let small = ["--frames", "12", "--columns", "512", "--sequence", "42"];
+    let table = text(sdslam(["simulate", "--out", path(&data)].into_iter().chain(small)).success());
+    assert!(table.contains("frames                 12"), "{table}");
+    let contract = ["run", "--dataset", path(&data), "--sequence", "42", "--out", path(&out)];
+    sdslam(contract.into_iter().chain(["--no-elevation-correction"])).success();
+    let metrics = fs::read_to_string(out.join("42/metrics.json")).expect("metrics");
+    let metrics: serde_json::Value = serde_json::from_str(&metrics).expect("JSON");
+    assert_eq!((&metrics["frames"], &metrics["lost"]), (&12.into(), &0.into()));
+    let ate_m = metrics["trajectory"]["ate_m"].as_f64().expect("an error");
+    assert!(ate_m < 0.1, "ATE {ate_m} m over about ten metres");
+    assert!(metrics["core_memory_bytes"].as_u64() <= Some(16 << 20));
+}
+
+#[test]
+fn a_simulation_is_not_replaced_unasked_and_refuses_nonsense() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let small = ["simulate", "--frames", "2", "--columns", "64", "--out", path(folder.path())];
+    sdslam(small).success();
+    let refusal = errors(sdslam(small).code(OUTPUT));
+    assert!(refusal.contains(path(folder.path())), "{refusal}");
+    sdslam(small.into_iter().chain(["--overwrite"])).success();
+    let refusal = errors(sdslam(["simulate", "--frames", "0", "--out", path(folder.path())]).code(USAGE));
+    assert!(refusal.contains("frames"), "{refusal}");
+}
+
+#[test]
+fn the_demo_prints_the_table_and_where_the_pictures_are() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let small = ["--frames", "8", "--columns", "360"];
+    let table = text(sdslam(["demo", "--out", path(folder.path())].into_iter().chain(small)).success());
+    for said in ["ATE", "moving landmarks", "map", "trajectory.svg", "map.ply"] {
+        assert!(table.contains(said), "{said} is not in\n{table}");
+    }
+    assert!(folder.path().join("results/80/trajectory.svg").is_file());
 }
 
 // ---- a tiny drive between two walls ----

@@ -4,6 +4,7 @@ use crate::config::ConfigError;
 use crate::dataset::DatasetError;
 use crate::evaluate::EvaluateError;
 use crate::run::RunError;
+use crate::simulate::SimulateError;
 
 /// Why a command failed.
 #[derive(Debug, thiserror::Error)]
@@ -24,6 +25,9 @@ pub enum CliError {
     /// Two things cannot be compared.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
+    /// The simulation cannot be written.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
     /// Nothing can be printed.
     #[error("cannot write to the standard output")]
     Stdout(#[source] std::io::Error),
@@ -40,11 +44,12 @@ impl CliError {
         match self {
             Self::Usage(_)
             | Self::Run(RunError::Frames { .. })
-            | Self::Evaluate(EvaluateError::Option { .. }) => USAGE,
+            | Self::Evaluate(EvaluateError::Option { .. })
+            | Self::Simulate(SimulateError::Parameter { .. }) => USAGE,
             Self::Dataset(_)
             | Self::Evaluate(_)
             | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_)) => INPUT,
-            Self::Run(RunError::Output(_)) | Self::Stdout(_) => OUTPUT,
+            Self::Simulate(_) | Self::Run(RunError::Output(_)) | Self::Stdout(_) => OUTPUT,
             Self::Config(_) | Self::Run(RunError::Config(_) | RunError::Parameter(_)) => CONFIGURATION,
             Self::Run(RunError::Odometry { .. } | RunError::Memory { .. } | RunError::Evaluate(_)) => FAILED,
         }

@@ -1,11 +1,13 @@
 //! The command line: what was typed, checked and carried out. It prints; the rest of the library does not.
 
 mod config;
+mod demo;
 mod error;
 mod evaluate;
 mod frames;
 mod progress;
 mod run;
+mod simulate;
 
 use std::io::{self, Write};
 
@@ -15,7 +17,9 @@ pub use error::CliError;
 
 const AFTER_HELP: &str = "\
 Exit codes: 0 done; 1 the program failed; 2 the command line is wrong; 3 the input data is missing or broken;
-4 an output cannot be written or exists already; 5 the configuration is not valid.";
+4 an output cannot be written or exists already; 5 the configuration is not valid.
+
+Try it with nothing but this program:  sdslam demo";
 
 /// SD-SLAM: semantic LiDAR SLAM for dynamic scenes. Labelled LiDAR scans in; trajectory, what moves, and a static
 /// semantic map out.
@@ -33,6 +37,8 @@ pub struct Cli {
 enum Command {
     Run(run::Args),
     Evaluate(evaluate::Args),
+    Simulate(simulate::Args),
+    Demo(demo::Args),
     Config(config::Args),
     Completions(CompletionArgs),
 }
@@ -52,6 +58,8 @@ impl Cli {
         match self.command {
             Command::Run(args) => args.execute(),
             Command::Evaluate(args) => args.execute(),
+            Command::Simulate(args) => args.execute(),
+            Command::Demo(args) => args.execute(),
             Command::Config(args) => args.execute(),
             Command::Completions(args) => args.execute(),
         }

@@ -7,11 +7,12 @@ use super::motion::Movers;
 /// Width of the drawing area \[px\] of the longer side.
 const SIZE_PX: f64 = 900.0;
 /// Room around it \[px\], with the legend above and the scale below.
-const MARGIN_PX: f64 = 60.0;
+const MARGIN_PX: f64 = 40.0;
 /// Legend's height \[px\].
 const LEGEND_PX: f64 = 36.0;
-/// Smallest extent drawn \[m\]: a vehicle at rest is a dot, not a close-up of its noise.
-const MIN_EXTENT_M: f64 = 10.0;
+/// Surroundings of the drive that are drawn at least \[m\], and as a share of the drive's extent. Movers beyond are cut
+/// off; a vehicle at rest is a dot, not a close-up of its noise.
+const SURROUNDINGS: (f64, f64) = (10.0, 0.06);
 
 const ESTIMATE: &str = "#1f6feb";
 const TRUTH: &str = "#8c959f";
@@ -29,17 +30,20 @@ impl Picture<'_> {
     /// The picture as an SVG document.
     pub(super) fn to_svg(&self) -> String {
         let ground_truth = self.ground_truth.unwrap_or_default();
-        let movers = self.movers.paths().flatten();
-        let view = View::around(self.estimate.iter().chain(ground_truth).chain(movers).copied());
+        let view = View::around(self.estimate.iter().chain(ground_truth).copied());
         let (width, height) = (view.width_px + 2.0 * MARGIN_PX, view.height_px + 2.0 * MARGIN_PX + LEGEND_PX);
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
              viewBox=\"0 0 {width:.0} {height:.0}\" font-family=\"sans-serif\" font-size=\"14\">\n\
              <rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
         );
+        let frame = view.frame();
+        let _ =
+            writeln!(svg, "<clipPath id=\"view\"><rect {frame}/></clipPath>\n<g clip-path=\"url(#view)\">");
         for path in self.movers.paths() {
             line(&mut svg, &view, path, MOVER, 1.5);
         }
+        let _ = writeln!(svg, "</g>\n<rect {frame} fill=\"none\" stroke=\"#d0d7de\"/>");
         if let Some(truth) = self.ground_truth {
             line(&mut svg, &view, truth, TRUTH, 4.0);
         }
@@ -116,17 +120,30 @@ impl View {
             }
         }
         let centre: [f64; 2] = std::array::from_fn(|i| f64::midpoint(low[i], high[i]));
-        let longest = (high[0] - low[0]).max(high[1] - low[1]).max(MIN_EXTENT_M);
-        // A straight drive gets some height, so that movers beside it are seen.
-        let extent: [f64; 2] = std::array::from_fn(|i| (high[i] - low[i]).max(0.25 * longest));
+        let driven = (high[0] - low[0]).max(high[1] - low[1]);
+        let surroundings = SURROUNDINGS.0.max(SURROUNDINGS.1 * driven);
+        let longest = driven + 2.0 * surroundings;
+        // The legend needs half of the width.
+        let smallest = [0.5 * longest, 0.0];
+        let extent: [f64; 2] =
+            std::array::from_fn(|i| (high[i] - low[i] + 2.0 * surroundings).max(smallest[i]));
         let px_per_m = SIZE_PX / longest;
         Self {
             left_m: centre[0] - 0.5 * extent[0],
             top_m: centre[1] + 0.5 * extent[1],
             px_per_m,
-            width_px: (extent[0] * px_per_m).max(0.5 * SIZE_PX),
+            width_px: extent[0] * px_per_m,
             height_px: extent[1] * px_per_m,
         }
+    }
+
+    /// The drawing area as attributes of a rectangle.
+    fn frame(&self) -> String {
+        let (width, height) = (self.width_px, self.height_px);
+        format!(
+            "x=\"{MARGIN_PX}\" y=\"{}\" width=\"{width:.1}\" height=\"{height:.1}\"",
+            MARGIN_PX + LEGEND_PX
+        )
     }
 
     fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
