@@ -127,6 +127,41 @@ proptest! {
     }
 }
 
+/// Trajectories of programs that went astray: the largest and smallest numbers, and steps to nowhere.
+fn astray() -> impl Strategy<Value = Vec<MapPose>> {
+    let extreme = prop::sample::select(vec![0.0, 1e-300, 1.0, -3.0, 1e8, -1e154, 1e300, f64::MAX]);
+    let number = prop_oneof![extreme, -100.0..100.0];
+    let poses =
+        (prop::array::uniform3(number), prop::array::uniform3(-1.8..1.8)).prop_map(|(t, w)| pose(t, w));
+    prop::collection::vec(poses, 0..30)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn astray_trajectories_are_measured_all_the_same(truth in astray(), estimate in astray()) {
+        let errors = trajectory_errors(&truth, &estimate);
+        let all = [errors.t_rel_percent, errors.r_rel_deg_per_100m, errors.ate_m, errors.rpe_m, errors.rpe_deg];
+        prop_assert!(all.iter().flatten().all(|error| error.is_finite() && *error >= 0.0), "{all:?}");
+        prop_assert!(errors.to_string().lines().count() >= 7);
+    }
+}
+
+#[test]
+fn maps_of_astray_trajectories_are_measured_all_the_same() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let right = street(folder.path(), 8);
+    let sequence = Sequence::open(folder.path(), "00", None).expect("a drive");
+    let options = MapEntropyOptions { window: 8, radius_m: 1.0, ..MapEntropyOptions::default() };
+    for off in [1e7, 1e12, 1e154, f64::MAX] {
+        let astray = |(i, at): (usize, &MapPose)| if i < 4 { *at } else { pose([off, -off, off], [0.0; 3]) };
+        let poses: Vec<_> = right.iter().enumerate().map(astray).collect();
+        let entropy = evaluate::map_entropy(&sequence, &poses, &options).expect("the first half is fine");
+        assert!(entropy.mean_map_entropy.is_finite() && entropy.neighbourhoods > 1000, "{off}: {entropy}");
+    }
+}
+
 /// Remake the table with the evaluator of the test data; its published columns are the devkit's own output.
 #[test]
 fn published_trajectories_have_their_published_errors() {

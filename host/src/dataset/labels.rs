@@ -45,10 +45,25 @@ const MOVING: [(u32, u32); 9] =
 /// Classes whose moving form is named after the rider: id standing, id moving.
 const RIDDEN: [(u32, u32); 2] = [(11, 253), (15, 255)];
 
+/// Class by id, the moving ones included: every point of every scan is looked up.
+const CLASS_BY_ID: [SemanticClass; 260] = {
+    let mut table = [Unlabelled; 260];
+    let mut row = 0;
+    while row < CLASSES.len() {
+        table[CLASSES[row].0 as usize] = CLASSES[row].1;
+        row += 1;
+    }
+    row = 0;
+    while row < MOVING.len() {
+        table[MOVING[row].1 as usize] = table[MOVING[row].0 as usize];
+        row += 1;
+    }
+    table
+};
+
 /// Class of a raw label; ids that SemanticKITTI does not define are unlabelled.
 pub fn class_of(raw: u32) -> SemanticClass {
-    let id = static_id(raw) & ID_MASK;
-    CLASSES.iter().find(|row| row.0 == id).map_or(Unlabelled, |row| row.1)
+    CLASS_BY_ID.get((raw & ID_MASK) as usize).copied().unwrap_or(Unlabelled)
 }
 
 /// Whether a raw label says that the thing moves (ids 251 to 259).

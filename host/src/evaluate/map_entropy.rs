@@ -226,11 +226,10 @@ impl Places {
 }
 
 /// Sample covariance, of at least two points.
-fn covariance(points: &[Point3<f64>]) -> Matrix3<f64> {
+fn covariance(points: &[Vector3<f64>]) -> Matrix3<f64> {
     let n = points.len() as f64;
-    let mean = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / n;
-    let outer = |point: &Point3<f64>| (point.coords - mean) * (point.coords - mean).transpose();
-    points.iter().map(outer).sum::<Matrix3<f64>>() / (n - 1.0)
+    let mean = points.iter().sum::<Vector3<f64>>() / n;
+    points.iter().map(|point| (point - mean) * (point - mean).transpose()).sum::<Matrix3<f64>>() / (n - 1.0)
 }
 
 impl fmt::Display for MapEntropy {

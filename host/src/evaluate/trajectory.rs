@@ -11,7 +11,7 @@ const DEVKIT: ([f64; 8], usize) = ([100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 70
 /// The same for drives that are not longer than the devkit's shortest segment.
 const SHORT: ([f64; 8], usize) = ([10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0], 1);
 
-/// Errors of an estimated trajectory. A value that the drive is too short for is none.
+/// Errors of an estimated trajectory. A value that the drive is too short for is none, so is one beyond all bounds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TrajectoryErrors {
     /// Poses compared: the first ones, up to the shorter trajectory.
@@ -79,12 +79,12 @@ pub fn matrix_errors(ground_truth: &[Matrix4<f64>], estimate: &[Matrix4<f64>]) -
         path_length_m,
         devkit_lengths,
         segments: total.count,
-        t_rel_percent: total.mean().map(|mean| mean.0),
-        r_rel_deg_per_100m: total.mean().map(|mean| mean.1),
+        t_rel_percent: total.mean().map(|mean| mean.0).filter(|t_rel| t_rel.is_finite()),
+        r_rel_deg_per_100m: total.mean().map(|mean| mean.1).filter(|r_rel| r_rel.is_finite()),
         per_length: per_length.iter().filter_map(Segments::report).collect(),
-        ate_m: absolute_error(truth, estimate),
-        rpe_m: rpe.map(|rpe| rpe.0),
-        rpe_deg: rpe.map(|rpe| rpe.1),
+        ate_m: absolute_error(truth, estimate).filter(|ate| ate.is_finite()),
+        rpe_m: rpe.map(|rpe| rpe.0).filter(|rpe| rpe.is_finite()),
+        rpe_deg: rpe.map(|rpe| rpe.1).filter(|rpe| rpe.is_finite()),
     }
 }
 
@@ -218,7 +218,7 @@ fn align(truth: &[Matrix4<f64>], estimate: &[Matrix4<f64>]) -> Option<MapPose> {
     for (truth, estimate) in truth.iter().zip(estimate) {
         covariance += (position(truth) - truth_centre) * (position(estimate) - estimate_centre).transpose();
     }
-    if truth.is_empty() {
+    if truth.is_empty() || !covariance.iter().all(|entry| entry.is_finite()) {
         return None;
     }
     let svd = covariance.try_svd(true, true, f64::EPSILON, 1000)?;
@@ -254,6 +254,6 @@ impl fmt::Display for TrajectoryErrors {
 fn row(f: &mut fmt::Formatter<'_>, name: &str, value: Option<f64>, unit: &str) -> fmt::Result {
     match value {
         Some(value) => writeln!(f, "{name:15} {value:.4} {unit}"),
-        None => writeln!(f, "{name:15} none, the drive is too short"),
+        None => writeln!(f, "{name:15} -"),
     }
 }
