@@ -11,7 +11,7 @@ use crate::run::{self, Request, Summary};
 /// Run the SLAM on a drive.
 ///
 /// Reads DATASET/sequences/NN and writes to OUT/NN: poses_kitti.txt (camera frame), poses_tum.txt (sensor frame),
-/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, trajectory.svg, config.toml, run.log and ms.txt. A table
+/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
 /// of the results is printed at the end.
 ///
 /// A scan that is missing or broken in the middle of a drive does not stop the run: its pose is predicted, and run.log
@@ -40,7 +40,8 @@ pub(super) struct Args {
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
-    /// Threads: 1 reads and computes in turns, 2 or more read the next scan meanwhile. The results are the same.
+    /// Threads: 1 does one thing after the other; with 2 or more the next scan is read and the map grows while the core
+    /// works. The results are the same.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
     threads: u16,
 }

@@ -13,9 +13,9 @@
 //! | `trajectory.svg` | the drive from above |
 //! | `config.toml` | the configuration that was used |
 //! | `run.log` | what happened: fallbacks, drops, warnings |
-//! | `ms.txt` | time of the core per frame \[ms\] |
+//! | `ms.txt`, `cpu_ms.txt` | wall and CPU time of the core per frame \[ms\] |
 //!
-//! The map frame is the sensor frame of the first scan. Only `metrics.json` and `ms.txt` hold times of this machine:
+//! The map frame is the sensor frame of the first scan. Only `metrics.json`, `ms.txt` and `cpu_ms.txt` hold times of this machine:
 //! the others are the same, byte for byte, from run to run and for any number of threads.
 //!
 //! A scan that is missing or cannot be read becomes an empty one at its stamp, so its pose is the prediction and every
@@ -24,6 +24,7 @@
 
 mod error;
 mod journal;
+mod mapping;
 mod motion;
 mod output;
 mod picture;
@@ -37,11 +38,14 @@ mod voxel_map;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use sdslam_core::{Config as CoreConfig, FrameEstimate, FullScanOdometry, LabelledScan, MapPose};
+use sdslam_core::{
+    Config as CoreConfig, FrameEstimate, FrameStatus, FullScanOdometry, LabelledScan, MapPose,
+};
 
 use crate::config::HostConfig;
 use crate::dataset::{self, Sequence};
 pub use error::{OutputError, RunError};
+use mapping::Mapping;
 pub use motion::MovingLandmarks;
 use output::OutputFolder;
 use record::Recorder;
@@ -49,6 +53,7 @@ use scans::Stamps;
 pub use stopwatch::Milliseconds;
 use stopwatch::Stopwatch;
 pub use summary::{MovingScore, Summary};
+use voxel_map::VoxelMap;
 
 /// What to run on, and where the results go.
 #[derive(Clone, Debug)]
@@ -65,7 +70,7 @@ pub struct Request {
     pub end_frame: Option<usize>,
     /// Every parameter.
     pub config: HostConfig,
-    /// 1: read and compute in turns; more: read the next scan meanwhile. The results are the same.
+    /// 1: one thing after the other; more: the next scan is read and the map grows meanwhile. The results are the same.
     pub threads: usize,
     /// Replace the files of an earlier run.
     pub overwrite: bool,
@@ -90,15 +95,19 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     let config = &request.config;
     let sequence = Sequence::open(&request.dataset, &request.sequence, request.labels.as_deref())?;
     let frames = request.frames(&sequence)?;
+    let ground_truth = sequence.ground_truth()?;
+    // Without the first scan there is nothing to start from, and nothing is written.
+    sequence.read(frames.start).map_err(RunError::FirstScan)?;
     let mut odometry = odometry_on_heap(config.core)?;
     let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
-    let mut recorder = Recorder::new(request, &sequence, frames.clone(), folder)?;
+    let mut recorder = Recorder::new(request, &sequence, frames.clone(), ground_truth, folder)?;
+    let mut mapping = Mapping::start(VoxelMap::new(config.map), request.threads);
     let mut stamps = Stamps::default();
     let mut recent = RecentMotion::default();
 
     scans::for_each_scan(&sequence, frames.clone(), &config.input, request.threads, |mut scan| {
         if let Some(fault) = scan.fault.take() {
-            recorder.unreadable(scan.frame, fault)?;
+            recorder.unreadable(scan.frame, &fault);
         }
         let (stamp_s, replaced) = stamps.next(sequence.stamp_s(scan.frame));
         recorder.replaced_stamp(scan.frame, replaced);
@@ -113,15 +122,18 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
         let estimate = odometry
             .process_scan_observed(&mut labelled, &mut stopwatch)
             .map_err(|source| RunError::Odometry { frame: scan.frame, source })?;
-        recorder.time(stopwatch);
+        recorder.time(&stopwatch.stop());
 
         recent.push(&estimate);
         recorder.record(&scan, &points, &estimate, &odometry)?;
+        if !matches!(estimate.status, FrameStatus::Predicted(_)) {
+            mapping.add(points, estimate.map_from_sensor);
+        }
         progress(scan.frame + 1 - frames.start, frames.len());
         Ok(())
     })?;
 
-    recorder.finish(&sequence)
+    recorder.finish(&sequence, &mapping.finish())
 }
 
 /// The odometry is too large for a usual stack, on which it is built before it moves to the heap.

@@ -12,7 +12,7 @@ use super::motion::{self, Movers, MovingLandmarks};
 use super::output::{OutputFolder, PendingFile};
 use super::picture::Picture;
 use super::scans::InputScan;
-use super::stopwatch::{Stopwatch, Times};
+use super::stopwatch::{FrameTimes, Times};
 use super::summary::{Metrics, MovingScore, Summary};
 use super::tally::{self, Tally};
 use super::voxel_map::VoxelMap;
@@ -40,7 +40,6 @@ pub(super) struct Recorder {
     moving_points: LabelConfusion,
     /// Whether the input's labels tell what moves.
     motion_is_labelled: bool,
-    map: VoxelMap,
     journal: Journal,
 }
 
@@ -49,6 +48,7 @@ impl Recorder {
         request: &Request,
         sequence: &Sequence,
         frames: Range<usize>,
+        ground_truth: Option<Vec<MapPose>>,
         folder: OutputFolder,
     ) -> Result<Self, RunError> {
         let mut landmarks_csv = folder.begin("landmarks.csv")?;
@@ -59,7 +59,7 @@ impl Recorder {
             landmarks_csv,
             config: request.config.clone(),
             started: Instant::now(),
-            ground_truth: sequence.ground_truth()?,
+            ground_truth,
             stamps_s: Vec::new(),
             map_from_sensor: Vec::new(),
             times: Times::default(),
@@ -68,7 +68,6 @@ impl Recorder {
             moving_landmarks: MovingLandmarks::default(),
             moving_points: LabelConfusion::default(),
             motion_is_labelled: false,
-            map: VoxelMap::new(request.config.map),
             journal: Journal::default(),
             frames,
         };
@@ -98,14 +97,10 @@ impl Recorder {
         }
     }
 
-    /// A scan could not be read. Without the first one there is nothing to start from.
-    pub(super) fn unreadable(&mut self, frame: usize, fault: DatasetError) -> Result<(), RunError> {
-        if frame == self.frames.start {
-            return Err(RunError::FirstScan(fault));
-        }
+    /// A scan could not be read.
+    pub(super) fn unreadable(&mut self, frame: usize, fault: &DatasetError) {
         self.tally.unreadable_scans += 1;
-        self.journal.fault(frame, &fault);
-        Ok(())
+        self.journal.fault(frame, fault);
     }
 
     /// A time stamp was replaced for the reason given, if any.
@@ -116,8 +111,8 @@ impl Recorder {
         }
     }
 
-    pub(super) fn time(&mut self, stopwatch: Stopwatch) {
-        self.times.push(stopwatch);
+    pub(super) fn time(&mut self, frame: &FrameTimes) {
+        self.times.push(frame);
     }
 
     /// Keeps the results of one frame.
@@ -145,9 +140,6 @@ impl Recorder {
             self.moving_landmarks.add(&scan.labels, points, landmarks);
             self.moving_points.add(&scan.labels, &recognised)?;
         }
-        if !matches!(estimate.status, FrameStatus::Predicted(_)) {
-            self.map.add(points, pose);
-        }
         Ok(())
     }
 
@@ -162,7 +154,7 @@ impl Recorder {
     }
 
     /// Evaluates and writes everything that is not written yet.
-    pub(super) fn finish(self, sequence: &Sequence) -> Result<Summary, RunError> {
+    pub(super) fn finish(self, sequence: &Sequence, map: &VoxelMap) -> Result<Summary, RunError> {
         let camera_from_sensor = sequence.camera_from_sensor();
         let camera_poses: Vec<MapPose> = self
             .map_from_sensor
@@ -173,13 +165,14 @@ impl Recorder {
         folder.write("poses_kitti.txt", trajectory::write_kitti(&camera_poses).as_bytes())?;
         let tum = trajectory::write_tum(&self.stamps_s, &self.map_from_sensor);
         folder.write("poses_tum.txt", tum.as_bytes())?;
-        folder.write("map.ply", &self.map.to_ply())?;
+        folder.write("map.ply", &map.to_ply())?;
         folder.write("trajectory.svg", self.picture(sequence).as_bytes())?;
         folder.write("config.toml", self.config.render().as_bytes())?;
         folder.write("run.log", self.journal.to_text().as_bytes())?;
         folder.write("ms.txt", self.times.lines().as_bytes())?;
+        folder.write("cpu_ms.txt", self.times.cpu_lines().as_bytes())?;
         let errors = self.errors(&camera_poses);
-        let summary = self.summary(sequence, errors);
+        let summary = self.summary(sequence, errors, map);
         folder.write("metrics.json", self.metrics(&summary).as_bytes())?;
         self.landmarks_csv.finish()?;
         Ok(summary)
@@ -211,7 +204,7 @@ impl Recorder {
         .to_svg()
     }
 
-    fn summary(&self, sequence: &Sequence, trajectory: Option<TrajectoryErrors>) -> Summary {
+    fn summary(&self, sequence: &Sequence, trajectory: Option<TrajectoryErrors>, map: &VoxelMap) -> Summary {
         Summary {
             sequence: sequence.name().into(),
             frames: self.frames.len(),
@@ -220,11 +213,12 @@ impl Recorder {
             replaced_stamps: self.tally.replaced_stamps,
             trajectory,
             core_ms: self.times.total(),
+            core_cpu_ms: self.times.cpu(),
             scans_per_s: self.frames.len() as f64 / self.started.elapsed().as_secs_f64(),
             dynamic: self.movers.count(MotionState::Dynamic),
             semi_static: self.movers.count(MotionState::SemiStatic),
             moving: self.motion_is_labelled.then(|| self.moving_score()),
-            voxels: self.map.len(),
+            voxels: map.len(),
             voxel_m: self.config.map.voxel_m,
             folder: self.folder.path().into(),
         }
@@ -255,6 +249,7 @@ impl Recorder {
             map_voxels: summary.voxels,
             core_memory_bytes: size_of::<FullScanOdometry>(),
             core_ms: summary.core_ms,
+            core_cpu_ms: summary.core_cpu_ms,
             core_ms_per_stage: self.times.stages(),
             scans_per_s: summary.scans_per_s,
             counts: &self.tally,

@@ -1,7 +1,10 @@
-//! Wall time per stage: the core has no clock, so the host reads one when a stage reports that it is done.
+//! Time per stage: the core has no clock, so the host reads one when a stage reports that it is done. Wall time tells what a
+//! vehicle would wait; the CPU time of the thread is the one to compare on a busy machine.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
+use cpu_time::ThreadTime;
 use sdslam_core::{Stage, StageObserver};
 use serde::Serialize;
 
@@ -9,20 +12,26 @@ use super::tally::Named;
 
 /// Measures the stages of one frame.
 pub(super) struct Stopwatch {
+    cpu: ThreadTime,
     last: Instant,
     stages: [Duration; Stage::ALL.len()],
 }
 
 impl Stopwatch {
     pub(super) fn start() -> Self {
-        Self { last: Instant::now(), stages: [Duration::ZERO; Stage::ALL.len()] }
+        Self { cpu: ThreadTime::now(), last: Instant::now(), stages: [Duration::ZERO; Stage::ALL.len()] }
     }
 
-    /// Time of every stage \[ms\], in the order of [`Stage::ALL`], and of the whole frame.
-    pub(super) fn stop(self) -> ([f32; Stage::ALL.len()], f32) {
+    /// Ends with the frame.
+    pub(super) fn stop(self) -> FrameTimes {
         let rest = self.last.elapsed();
+        let cpu = self.cpu.elapsed();
         let total = self.stages.iter().sum::<Duration>() + rest;
-        (self.stages.map(milliseconds), milliseconds(total))
+        FrameTimes {
+            stages_ms: self.stages.map(milliseconds),
+            total_ms: milliseconds(total),
+            cpu_ms: milliseconds(cpu),
+        }
     }
 }
 
@@ -34,6 +43,15 @@ impl StageObserver for Stopwatch {
     }
 }
 
+/// Times of one frame \[ms\].
+pub(super) struct FrameTimes {
+    /// In the order of [`Stage::ALL`].
+    stages_ms: [f32; Stage::ALL.len()],
+    total_ms: f32,
+    /// CPU time of the thread.
+    cpu_ms: f32,
+}
+
 fn milliseconds(duration: Duration) -> f32 {
     duration.as_secs_f32() * 1e3
 }
@@ -43,20 +61,26 @@ fn milliseconds(duration: Duration) -> f32 {
 pub(super) struct Times {
     stages: [Vec<f32>; Stage::ALL.len()],
     total: Vec<f32>,
+    cpu: Vec<f32>,
 }
 
 impl Times {
-    pub(super) fn push(&mut self, stopwatch: Stopwatch) {
-        let (stages, total) = stopwatch.stop();
-        for (times, time) in self.stages.iter_mut().zip(stages) {
+    pub(super) fn push(&mut self, frame: &FrameTimes) {
+        for (times, time) in self.stages.iter_mut().zip(frame.stages_ms) {
             times.push(time);
         }
-        self.total.push(total);
+        self.total.push(frame.total_ms);
+        self.cpu.push(frame.cpu_ms);
     }
 
-    /// Milliseconds of every frame, one a line.
+    /// Wall milliseconds of every frame, one a line.
     pub(super) fn lines(&self) -> String {
-        self.total.iter().map(|ms| format!("{ms:.3}\n")).collect()
+        lines(&self.total)
+    }
+
+    /// CPU milliseconds of every frame, one a line.
+    pub(super) fn cpu_lines(&self) -> String {
+        lines(&self.cpu)
     }
 
     /// Statistics per stage.
@@ -68,6 +92,15 @@ impl Times {
     pub(super) fn total(&self) -> Milliseconds {
         Milliseconds::of(&self.total)
     }
+
+    /// Statistics of the CPU time of whole frames.
+    pub(super) fn cpu(&self) -> Milliseconds {
+        Milliseconds::of(&self.cpu)
+    }
+}
+
+fn lines(times_ms: &[f32]) -> String {
+    times_ms.iter().map(|ms| format!("{ms:.3}\n")).collect()
 }
 
 /// Milliseconds per frame.
@@ -79,6 +112,13 @@ pub struct Milliseconds {
     pub p95: f32,
     /// The slowest frame.
     pub max: f32,
+}
+
+impl fmt::Display for Milliseconds {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { mean, p95, max } = self;
+        write!(f, "{mean:.1} mean, {p95:.1} p95, {max:.1} max")
+    }
 }
 
 impl Milliseconds {

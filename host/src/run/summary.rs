@@ -27,8 +27,10 @@ pub struct Summary {
     pub replaced_stamps: u64,
     /// Errors against the ground truth, if there is one.
     pub trajectory: Option<TrajectoryErrors>,
-    /// Time of the core per scan.
+    /// Wall time of the core per scan.
     pub core_ms: Milliseconds,
+    /// CPU time of the core per scan.
+    pub core_cpu_ms: Milliseconds,
     /// Scans per second of the whole run, reading and writing included.
     pub scans_per_s: f64,
     /// Tracks recognised as dynamic.
@@ -78,6 +80,7 @@ pub(super) struct Metrics<'a> {
     /// The core has no memory but this, however long the drive.
     pub core_memory_bytes: usize,
     pub core_ms: Milliseconds,
+    pub core_cpu_ms: Milliseconds,
     pub core_ms_per_stage: Named<Milliseconds, { Stage::ALL.len() }>,
     pub scans_per_s: f64,
     pub counts: &'a Tally,
@@ -101,8 +104,8 @@ impl fmt::Display for Summary {
             row(f, "time stamps replaced", format_args!("{} (see run.log)", self.replaced_stamps))?;
         }
         self.rows_of_trajectory(f)?;
-        let Milliseconds { mean, p95, max } = self.core_ms;
-        row(f, "core, ms per scan", format_args!("{mean:.1} mean, {p95:.1} p95, {max:.1} max"))?;
+        row(f, "core, ms per scan", self.core_ms)?;
+        row(f, "core, CPU ms per scan", self.core_cpu_ms)?;
         row(f, "scans per second", format_args!("{:.1}", self.scans_per_s))?;
         row(f, "tracks", format_args!("{} dynamic, {} semi-static", self.dynamic, self.semi_static))?;
         if let Some(moving) = &self.moving {
