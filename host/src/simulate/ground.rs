@@ -1,0 +1,292 @@
+//! The ground: a relief with streets, kerbs, sidewalks and gardens on it.
+
+use nalgebra::{Isometry3, Point2, Rotation3, Translation3, UnitQuaternion, Vector2, Vector3};
+
+use super::{
+    options::TownOptions,
+    plan::{Place, Plan},
+    random::{Domain, Random},
+    shape::{Hit, Ray, Vec3},
+};
+
+/// What the ground is made of at a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cover {
+    /// SemanticKITTI id.
+    pub label: u16,
+    /// Reflectance, 0 to 1.
+    pub reflectance: f32,
+}
+
+const ROAD: Cover = Cover { label: 40, reflectance: 0.26 };
+const PARKING: Cover = Cover { label: 44, reflectance: 0.30 };
+const MARKING: Cover = Cover { label: 60, reflectance: 0.62 };
+const SIDEWALK: Cover = Cover { label: 48, reflectance: 0.33 };
+const TERRAIN: Cover = Cover { label: 72, reflectance: 0.36 };
+
+/// Height of a kerb [m].
+const KERB_M: f32 = 0.12;
+/// Width over which it rises [m].
+const KERB_WIDTH_M: f32 = 0.04;
+/// Spacing of the tabulated relief [m].
+const CELL_M: f32 = 1.0;
+
+/// The ground of a town.
+#[derive(Debug)]
+pub struct Ground {
+    plan: Plan,
+    relief: Relief,
+    origin: Vector2<f32>,
+    size: [usize; 2],
+    /// Relief height and plan coordinates at the nodes.
+    nodes: Vec<[f32; 3]>,
+    seed: u32,
+}
+
+/// Smooth heights: two long waves and some hills.
+#[derive(Debug)]
+struct Relief {
+    waves: Vec<(Vector2<f64>, f64, f64)>,
+    hills: Vec<(Point2<f64>, f64, f64)>,
+}
+
+impl Ground {
+    /// Shapes and tabulates the ground for a plan, `margin_m` wider than it.
+    pub fn shape(seed: u64, town: &TownOptions, plan: &Plan, margin_m: f32) -> Self {
+        let relief = Relief::draw(seed, town, plan);
+        let [x0, x1, y0, y1] = plan.extent();
+        let origin = Vector2::new(x0 - margin_m, y0 - margin_m);
+        let nodes_along = |length: f32| ((length + 2.0 * margin_m) / CELL_M) as usize + 2;
+        let size = [nodes_along(x1 - x0), nodes_along(y1 - y0)];
+        let node = |k: usize| {
+            let (i, j) = (k % size[0], k / size[0]);
+            let q = Point2::new(f64::from(origin.x) + i as f64, f64::from(origin.y) + j as f64);
+            let p = plan.plan_from_town(q);
+            [relief.height(q) as f32, p.x as f32, p.y as f32]
+        };
+        let nodes = (0..size[0] * size[1]).map(node).collect();
+        Self { plan: plan.clone(), relief, origin, size, nodes, seed: seed as u32 }
+    }
+
+    /// Lower corner and size [m] of the ground in the town.
+    pub fn extent(&self) -> (Vector2<f32>, Vector2<f32>) {
+        let length = |n: usize| (n - 1) as f32 * CELL_M;
+        (self.origin, Vector2::new(length(self.size[0]), length(self.size[1])))
+    }
+
+    /// Height of the ground [m], kerbs included, bumps of the grass left out.
+    pub fn height(&self, q: Point2<f64>) -> f64 {
+        let p = self.plan.plan_from_town(q);
+        let place = self.plan.place(Point2::new(p.x as f32, p.y as f32));
+        self.relief.height(q) + f64::from(street_profile(&place))
+    }
+
+    /// Pose of a body that rests on the ground on four feet, this far from its middle along and across [m].
+    pub fn resting_pose(&self, at: Point2<f64>, heading: f64, feet_m: [f64; 2]) -> Isometry3<f64> {
+        let ahead = Vector2::new(heading.cos(), heading.sin());
+        let left = Vector2::new(-ahead.y, ahead.x);
+        let ends = |axis: Vector2<f64>, reach: f64| {
+            let (high, low) = (self.height(at + axis * reach), self.height(at - axis * reach));
+            (0.5 * (high + low), (high - low) / (2.0 * reach))
+        };
+        let ((z, pitch), (_, roll)) = (ends(ahead, feet_m[0]), ends(left, feet_m[1]));
+        let forward = Vector3::new(ahead.x, ahead.y, pitch).normalize();
+        let up = forward.cross(&Vector3::new(left.x, left.y, roll)).normalize();
+        let axes = Rotation3::from_basis_unchecked(&[forward, up.cross(&forward), up]);
+        Isometry3::from_parts(Translation3::new(at.x, at.y, z), UnitQuaternion::from_rotation_matrix(&axes))
+    }
+
+    /// Height [m] as a ray sees it and the place on the plan; `None` beyond the ground's end.
+    fn surface(&self, x: f32, y: f32) -> Option<(f32, Place, Point2<f32>)> {
+        let [z, px, py] = self.sample(x, y)?;
+        let p = Point2::new(px, py);
+        let place = self.plan.place(p);
+        let rough = (place.outside_m - place.street.sidewalk_m).clamp(0.0, 1.0);
+        let bumps = if rough > 0.0 && !self.is_paved(p, &place) { rough * self.bumps(x, y) } else { 0.0 };
+        Some((z + street_profile(&place) + bumps, place, p))
+    }
+
+    /// Range at which the ray, between two ranges, meets the ground. Rays start above it.
+    pub fn hit(&self, ray: &Ray, from_m: f32, to_m: f32) -> Option<(Hit, Cover)> {
+        let gap = |range: f32| {
+            let at = ray.at(range);
+            self.surface(at.x, at.y).map(|(z, ..)| at.z - z)
+        };
+        let steps = ((to_m - from_m) / 0.7).ceil().max(1.0);
+        let (mut above, mut gap_above) = (from_m, gap(from_m)?);
+        if gap_above < 0.0 {
+            return self.describe(ray, from_m);
+        }
+        for step in 1..=steps as usize {
+            let range = from_m + (to_m - from_m) * step as f32 / steps;
+            let gap_here = gap(range)?;
+            if gap_here < 0.0 {
+                return self.describe(ray, narrow(gap, (above, gap_above), (range, gap_here))?);
+            }
+            (above, gap_above) = (range, gap_here);
+        }
+        None
+    }
+
+    fn describe(&self, ray: &Ray, range_m: f32) -> Option<(Hit, Cover)> {
+        let at = ray.at(range_m);
+        let (z, place, p) = self.surface(at.x, at.y)?;
+        let slope =
+            |dx: f32, dy: f32| self.surface(at.x + dx, at.y + dy).map_or(0.0, |(ahead, ..)| ahead - z);
+        let normal = Vec3::new(-slope(0.02, 0.0), -slope(0.0, 0.02), 0.02).normalize();
+        Some((Hit { range_m, normal }, self.cover(p, &place)))
+    }
+
+    /// Lowest and highest ground [m] in a square of the town.
+    pub fn bounds(&self, low: Vector2<f32>, side_m: f32) -> (f32, f32) {
+        let steps = (side_m / CELL_M).ceil() as usize + 1;
+        let heights = (0..steps * steps).filter_map(|k| {
+            let at = low + Vector2::new((k % steps) as f32, (k / steps) as f32) * CELL_M;
+            self.sample(at.x, at.y).map(|node| node[0])
+        });
+        let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), z| (l.min(z), h.max(z)));
+        (low - 0.3, high + 0.35)
+    }
+
+    fn sample(&self, x: f32, y: f32) -> Option<[f32; 3]> {
+        let (u, v) = ((x - self.origin.x) / CELL_M, (y - self.origin.y) / CELL_M);
+        if u < 0.0 || v < 0.0 {
+            return None;
+        }
+        let (i, j) = (u as usize, v as usize);
+        if i + 1 >= self.size[0] || j + 1 >= self.size[1] {
+            return None;
+        }
+        let (fu, fv) = (u - i as f32, v - j as f32);
+        let row = j * self.size[0] + i;
+        let [a, b] = [self.nodes[row], self.nodes[row + 1]];
+        let [c, d] = [self.nodes[row + self.size[0]], self.nodes[row + self.size[0] + 1]];
+        Some(std::array::from_fn(|k| {
+            let (low, high) = (a[k] + fu * (b[k] - a[k]), c[k] + fu * (d[k] - c[k]));
+            low + fv * (high - low)
+        }))
+    }
+
+    fn is_paved(&self, p: Point2<f32>, place: &Place) -> bool {
+        let inside = place.outside_m - place.street.sidewalk_m;
+        self.plan.block_at(p).is_some_and(|block| inside < self.plan.style(block).paved_m)
+    }
+
+    fn cover(&self, p: Point2<f32>, place: &Place) -> Cover {
+        if place.outside_m < 0.0 {
+            return road_cover(place);
+        }
+        if place.outside_m < place.street.sidewalk_m || self.is_paved(p, place) { SIDEWALK } else { TERRAIN }
+    }
+
+    /// Tufts and unevenness of grass [m]: value noise of two sizes.
+    fn bumps(&self, x: f32, y: f32) -> f32 {
+        0.10 * (self.noise(x * 0.8, y * 0.8) - 0.5) + 0.05 * (self.noise(x * 3.1, y * 3.1) - 0.5)
+    }
+
+    fn noise(&self, x: f32, y: f32) -> f32 {
+        let (i, j) = (x.floor(), y.floor());
+        let (u, v) = (smooth(x - i), smooth(y - j));
+        let node = |di: i32, dj: i32| lattice(self.seed, i as i32 + di, j as i32 + dj);
+        let low = node(0, 0) + u * (node(1, 0) - node(0, 0));
+        let high = node(0, 1) + u * (node(1, 1) - node(0, 1));
+        low + v * (high - low)
+    }
+}
+
+/// False position on a sign change, to 1 mm.
+fn narrow(
+    gap: impl Fn(f32) -> Option<f32>,
+    (mut above, mut gap_above): (f32, f32),
+    (mut below, mut gap_below): (f32, f32),
+) -> Option<f32> {
+    for round in 0..12 {
+        // Every third round halves, so that the foot of a kerb cannot stall the search.
+        let share = if round % 3 == 2 { 0.5 } else { gap_above / (gap_above - gap_below) };
+        let range = above + share * (below - above);
+        let here = gap(range)?;
+        if here.abs() < 1e-3 {
+            return Some(range);
+        }
+        if here > 0.0 { (above, gap_above) = (range, here) } else { (below, gap_below) = (range, here) }
+    }
+    Some(0.5 * (above + below))
+}
+
+/// Height of the street's surface above the relief [m]: crown, gutter, kerb.
+fn street_profile(place: &Place) -> f32 {
+    if place.outside_m < 0.0 {
+        return 0.02 * (-place.outside_m).min(4.0) - 0.08;
+    }
+    (place.outside_m / KERB_WIDTH_M).min(1.0) * KERB_M - 0.08
+}
+
+fn road_cover(place: &Place) -> Cover {
+    let (street, lateral) = (&place.street, place.lateral_m.abs());
+    let open = place.from_crossing_m;
+    let zebra = (place.crossing[0] * 7 + place.crossing[1] * 3) % 5 < 2;
+    if open < 1.0 {
+        return ROAD;
+    }
+    if zebra && open < 4.0 {
+        return zebra_bar(lateral);
+    }
+    if (4.3..4.7).contains(&open) && lateral < 3.4 {
+        return MARKING;
+    }
+    if lateral < 0.07 && open > 6.0 && (place.along_m / 6.0).rem_euclid(1.0) < 0.5 {
+        return MARKING;
+    }
+    let bay = lateral > street.half_width_m - street.parking_m;
+    if bay && open > 8.0 { PARKING } else { ROAD }
+}
+
+fn zebra_bar(lateral: f32) -> Cover {
+    if (lateral + 0.25).rem_euclid(1.0) < 0.5 { MARKING } else { ROAD }
+}
+
+fn smooth(t: f32) -> f32 {
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// A fixed number in [0, 1) for a lattice point.
+fn lattice(seed: u32, i: i32, j: i32) -> f32 {
+    let mut h = seed ^ (i as u32).wrapping_mul(0x8DA6_B343) ^ (j as u32).wrapping_mul(0xD816_3841);
+    h = (h ^ (h >> 15)).wrapping_mul(0x2C1B_3C6D);
+    h = (h ^ (h >> 12)).wrapping_mul(0x297A_2D39);
+    ((h ^ (h >> 15)) >> 8) as f32 / 16_777_216.0
+}
+
+impl Relief {
+    fn draw(seed: u64, town: &TownOptions, plan: &Plan) -> Self {
+        let mut random = Random::keyed(seed, Domain::Plan, &[1]);
+        let wave = |random: &mut Random| {
+            let angle = f64::from(random.between(0.0, 6.3));
+            let number = std::f64::consts::TAU / f64::from(random.between(200.0, 320.0));
+            (Vector2::new(angle.cos(), angle.sin()) * number, f64::from(random.between(0.0, 6.3)), 0.7)
+        };
+        let waves = vec![wave(&mut random), wave(&mut random)];
+        let mut hills = Vec::new();
+        let [columns, rows] = plan.size();
+        // A hill near every third crossing, so that a drive round any block climbs one.
+        for (i, j) in (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j))) {
+            if (i + 2 * j) % 4 == 0 {
+                let middle = plan.crossing([i, j]);
+                let shift =
+                    Vector2::new(random.between(-12.0, 12.0), random.between(-12.0, 12.0)).cast::<f64>();
+                let height = f64::from(town.hill_m * random.between(0.6, 1.0));
+                hills.push((middle + shift, height, f64::from(random.between(30.0, 38.0))));
+            }
+        }
+        Self { waves, hills }
+    }
+
+    fn height(&self, q: Point2<f64>) -> f64 {
+        let waves: f64 = self.waves.iter().map(|(k, phase, a)| a * (k.dot(&q.coords) + phase).sin()).sum();
+        let hill = |(middle, height, width): &(Point2<f64>, f64, f64)| {
+            let far = (q - middle).norm_squared() / (2.0 * width * width);
+            if far < 16.0 { height * (-far).exp() } else { 0.0 }
+        };
+        waves + self.hills.iter().map(hill).sum::<f64>()
+    }
+}

@@ -1,0 +1,280 @@
+//! Houses in a row along each side of a block, with roofs, bays, gardens, fences, hedges and drives between them.
+
+use nalgebra::{Isometry3, Point2, Vector2};
+
+use super::{
+    bodies::Car,
+    facade::Facade,
+    plan::{BlockStyle, right_of},
+    plants,
+    random::Random,
+    scene::{Finish, Solid, Surface},
+    shape::{Hull, Shape, Slab, Vec3},
+    town::Site,
+};
+
+/// One side of a block on the plan: `origin` is its start on the outer edge of the sidewalk.
+struct Side {
+    origin: Point2<f64>,
+    /// Along the street.
+    along: Vector2<f64>,
+    /// Into the block.
+    inward: Vector2<f64>,
+    length_m: f32,
+    /// Room for houses and their set-back [m].
+    depth_m: f32,
+}
+
+impl Side {
+    fn at(&self, along_m: f32, inward_m: f32) -> Point2<f64> {
+        self.origin + self.along * f64::from(along_m) + self.inward * f64::from(inward_m)
+    }
+}
+
+/// A house on its lot.
+struct House {
+    /// From and to along the side [m].
+    span: [f32; 2],
+    setback_m: f32,
+    depth_m: f32,
+    storeys: f32,
+    reflectance: f32,
+}
+
+/// Fills a block.
+pub fn build_up_block(site: &mut Site, block: [usize; 2], random: &mut Random) {
+    let style = *site.plan.style(block);
+    for side in sides(site, block, &style) {
+        build_up_side(site, &side, &style, random);
+    }
+    plant_yard(site, block, &style, random);
+}
+
+/// The two long sides first; the other two begin behind their houses.
+fn sides(site: &Site, [i, j]: [usize; 2], style: &BlockStyle) -> Vec<Side> {
+    let (avenues, streets) = (&site.plan.avenues, &site.plan.streets);
+    let x = [avenues[i].centre_m + avenues[i].reach_m(), avenues[i + 1].centre_m - avenues[i + 1].reach_m()];
+    let y = [streets[j].centre_m + streets[j].reach_m(), streets[j + 1].centre_m - streets[j + 1].reach_m()];
+    let (width, height) = (x[1] - x[0], y[1] - y[0]);
+    let depth_m = (0.5 * height - 1.0).min(12.0 + style.setback_m);
+    let (clear, side_depth) = (depth_m + 1.5, (0.5 * width - 1.0).min(12.0 + style.setback_m));
+    let corner = |x: f32, y: f32| Point2::new(f64::from(x), f64::from(y));
+    let side = |origin, along: Vector2<f64>, length_m, depth_m| Side {
+        origin,
+        along,
+        inward: -right_of(along),
+        length_m,
+        depth_m,
+    };
+    let (ex, ey) = (Vector2::x(), Vector2::y());
+    vec![
+        side(corner(x[0], y[0]), ex, width, depth_m),
+        side(corner(x[1], y[1]), -ex, width, depth_m),
+        side(corner(x[1], y[0] + clear), ey, height - 2.0 * clear, side_depth),
+        side(corner(x[0], y[1] - clear), -ey, height - 2.0 * clear, side_depth),
+    ]
+}
+
+fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut Random) {
+    let mut start = random.between(0.2, 1.5);
+    while start + 7.0 < side.length_m {
+        let end = (start + random.between(8.0, 16.0)).min(side.length_m - 0.5);
+        let setback_m = style.setback_m + random.between(0.0, 0.8);
+        let house = House {
+            span: [start, end],
+            setback_m,
+            depth_m: (side.depth_m - setback_m).min(random.between(8.0, 11.0)),
+            storeys: style.storeys + random.between(-0.5, 0.5),
+            reflectance: random.between(0.25, 0.55),
+        };
+        if random.chance(0.94) {
+            build_house(site, side, &house, random);
+        }
+        let gap = style.gap_m * random.between(0.7, 1.3);
+        if style.setback_m > 2.0 {
+            fence_front(site, side, [start, end], random);
+            plant_front(site, side, &house, random);
+            fill_gap(site, side, [end, end + gap], setback_m, random);
+        }
+        start = end + gap;
+    }
+}
+
+fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random) {
+    let [from, to] = house.span;
+    let (half_length, half_depth) = (0.5 * (to - from), 0.5 * house.depth_m);
+    let middle = side.at(0.5 * (from + to), house.setback_m + half_depth);
+    let corners = [(from, 0.0), (to, 0.0), (from, house.depth_m), (to, house.depth_m)];
+    let heights = corners.map(|(u, v)| site.foot(side.at(u, house.setback_m + v)).z);
+    let floor = heights.iter().copied().fold(f32::MIN, f32::max);
+    let lowest = heights.iter().copied().fold(f32::MAX, f32::min);
+    let wall = 0.4 + random.between(2.7, 3.1) * house.storeys.round().max(1.0);
+    let town = site.plan.town_from_plan(middle);
+    let yaw = site.plan.heading(middle, side.along) as f32;
+    let foot = Vec3::new(town.x as f32, town.y as f32, floor);
+    let pose = Isometry3::new(foot, Vec3::z() * yaw);
+
+    let along = Vector2::new(yaw.cos(), yaw.sin());
+    let facade = draw_facade(foot, along, [half_length, half_depth], wall, random);
+    let plain = Surface::matte(50, house.reflectance);
+    let main =
+        Hull::cuboid([-half_length, half_length], [-half_depth, half_depth], [lowest - floor - 0.5, wall]);
+    let mut parts = vec![part(main, plain.with(Finish::Facade(site.facades.len() as u32)))];
+    site.facades.push(facade);
+    parts.push(roof(half_length, half_depth, wall, random));
+    add_front_parts(&mut parts, &facade, half_length, half_depth, house, random);
+    site.solids.extend(parts.iter().map(|solid| solid.moved(&pose)));
+}
+
+fn draw_facade(foot: Vec3, along: Vector2<f32>, half_m: [f32; 2], wall: f32, random: &mut Random) -> Facade {
+    Facade {
+        centre: foot.xy(),
+        along,
+        half_m,
+        floor_m: foot.z + 0.4,
+        storey_m: random.between(2.75, 3.1),
+        top_m: foot.z + wall,
+        pitch_m: random.between(1.9, 3.4),
+        window_m: [random.between(0.9, 1.5), random.between(1.1, 1.7)],
+        sill_m: random.between(0.7, 1.0),
+        recess_m: random.between(0.10, 0.28),
+    }
+}
+
+fn roof(half_length: f32, half_depth: f32, wall: f32, random: &mut Random) -> Solid {
+    let tiles = Surface::matte(50, 0.22);
+    let (eave, rise) = (random.between(0.2, 0.5), half_depth * random.between(0.5, 0.9));
+    let x = [-half_length - 0.2, half_length + 0.2];
+    let y = [-half_depth - eave, half_depth + eave];
+    if random.chance(0.3) {
+        return part(Hull::cuboid(x, y, [wall, wall + 0.35]), tiles);
+    }
+    let hip = if random.chance(0.4) { 0.6 * half_depth } else { 0.0 };
+    let ridge = Slab { x: [x[0] + hip, x[1] - hip], y: [-0.05, 0.05], z: wall + rise };
+    part(Hull::between(Slab { x, y, z: wall - 0.15 }, ridge), tiles)
+}
+
+/// Steps, a bay, balconies and a drain pipe on the street front, which lies at negative y.
+fn add_front_parts(
+    parts: &mut Vec<Solid>,
+    facade: &Facade,
+    half_length: f32,
+    half_depth: f32,
+    house: &House,
+    random: &mut Random,
+) {
+    let plain = Surface::matte(50, house.reflectance);
+    let wall = house.storeys.round().max(1.0) * facade.storey_m;
+    let front = -half_depth;
+    let mut place = |half_width: f32| random.between(half_width - half_length, half_length - half_width);
+    let door = place(1.2);
+    let (bay, balcony, pipe) = (place(1.9), place(1.6), place(0.3));
+    let room = house.setback_m.min(1.3);
+    let steps = Hull::cuboid([door - 0.8, door + 0.8], [front - 0.6 * room, front + 0.1], [-1.0, 0.38]);
+    parts.push(part(steps, plain));
+    if house.setback_m > 1.0 && random.chance(0.5) {
+        let bay = Hull::cuboid([bay - 1.5, bay + 1.5], [front - 0.7 * room, front + 0.1], [-1.0, wall - 0.4]);
+        parts.push(part(bay, plain));
+    }
+    if house.storeys > 1.5 && random.chance(0.5) {
+        for storey in 1..house.storeys.round() as usize {
+            let z = 0.4 + storey as f32 * facade.storey_m;
+            let x = [balcony - 1.4, balcony + 1.4];
+            let y = [front - 1.0, front + 0.1];
+            parts.push(part(Hull::cuboid(x, y, [z - 0.15, z]), plain));
+            let rail = Hull::cuboid(x, [front - 1.0, front - 0.96], [z, z + 0.95]);
+            parts.push(part(rail, plain.with(Finish::Open(0.5))));
+        }
+    }
+    let (a, b) = (Vec3::new(pipe, front - 0.07, -0.3), Vec3::new(pipe, front - 0.07, wall));
+    parts.push(Solid { shape: Shape::Capsule { a, b, radius_m: 0.05 }, surface: plain });
+}
+
+/// Hedge, fence, wall or nothing along the sidewalk, with a gate.
+fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut Random) {
+    let kind = random.below(5);
+    let gate = random.between(from + 1.0, (to - 2.2).max(from + 1.1));
+    let height = random.between(0.9, 1.5);
+    for [a, b] in [[from, gate], [gate + 1.2, to]] {
+        let ends = [side.at(a, 0.35), side.at(b, 0.35)];
+        match kind {
+            0 | 1 if site.options.vegetation > 0.0 => {
+                let solids = plants::hedge(site.foot(ends[0]), site.foot(ends[1]), height, random);
+                site.solids.extend(solids);
+            }
+            2 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
+            3 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
+            _ => {}
+        }
+    }
+}
+
+/// A straight fence between two places of the plan, in pieces that follow the slope.
+fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f32, finish: Finish) {
+    let pieces = ((ends[1] - ends[0]).norm() / 2.5).ceil().max(1.0) as usize;
+    let surface = Surface::matte(51, 0.33).with(finish);
+    for piece in 0..pieces {
+        let end = |k: usize| site.foot(ends[0] + (ends[1] - ends[0]) * (k as f64 / pieces as f64));
+        let (a, b) = (end(piece), end(piece + 1));
+        let half = 0.5 * (b - a).xy().norm();
+        let foot = Vec3::new(0.5 * (a.x + b.x), 0.5 * (a.y + b.y), a.z.max(b.z));
+        let pose = Isometry3::new(foot, Vec3::z() * (b.y - a.y).atan2(b.x - a.x));
+        let drop = (a.z - b.z).abs() + 0.1;
+        let panel = part(Hull::cuboid([-half, half], [-half_width, half_width], [-drop, height]), surface);
+        let a = Vec3::new(-half, 0.0, -drop);
+        let post = Shape::Capsule { a, b: Vec3::new(-half, 0.0, height), radius_m: 0.05 };
+        site.solids.push(panel.moved(&pose));
+        site.solids.push(Solid { shape: post, surface: Surface::matte(51, 0.33) }.moved(&pose));
+    }
+}
+
+/// Bushes and small trees in a front garden.
+fn plant_front(site: &mut Site, side: &Side, house: &House, random: &mut Random) {
+    let count = (site.options.vegetation * random.between(1.0, 4.0)) as usize;
+    for _ in 0..count {
+        let radius = random.between(0.4, 0.9);
+        let room = house.setback_m - 1.0;
+        if room < radius {
+            continue;
+        }
+        let at = side.at(random.between(house.span[0] + 1.0, house.span[1] - 1.0), random.between(0.9, room));
+        let foot = site.foot(at);
+        let solids =
+            if random.chance(0.2) { plants::tree(foot, random) } else { plants::bush(foot, radius, random) };
+        site.solids.extend(solids);
+    }
+}
+
+/// A drive with a car, a side fence or bushes in the gap between two houses.
+fn fill_gap(site: &mut Site, side: &Side, [from, to]: [f32; 2], setback_m: f32, random: &mut Random) {
+    let middle = 0.5 * (from + to);
+    if to > side.length_m {
+        return;
+    }
+    if to - from > 3.2 && random.chance(site.options.parked) {
+        let car = Car::draw(random).solids(10, site.instance());
+        let facing = if random.chance(0.5) { side.inward } else { -side.inward };
+        site.park(&car, side.at(middle, setback_m + random.between(1.0, 3.0)), facing, [1.3, 0.75]);
+    } else if random.chance(0.5) {
+        let ends = [side.at(from, setback_m + 1.0), side.at(to, setback_m + 1.0)];
+        add_fence(site, ends, random.between(1.4, 1.9), 0.03, Finish::Matte);
+    } else if site.options.vegetation > 0.0 {
+        let foot = site.foot(side.at(middle, setback_m + 2.0));
+        site.solids.extend(plants::tree(foot, random));
+    }
+}
+
+/// Trees behind the houses.
+fn plant_yard(site: &mut Site, [i, j]: [usize; 2], style: &BlockStyle, random: &mut Random) {
+    let (a, b) = (site.plan.crossing([i, j]), site.plan.crossing([i + 1, j + 1]));
+    let count = (site.options.vegetation * if style.setback_m > 2.0 { 4.0 } else { 1.0 }) as usize;
+    for _ in 0..count {
+        let share = Vector2::new(random.between(0.46, 0.54), random.between(0.46, 0.54)).cast::<f64>();
+        let foot = site.foot(a + (b - a).component_mul(&share));
+        site.solids.extend(plants::tree(foot, random));
+    }
+}
+
+fn part(hull: Hull, surface: Surface) -> Solid {
+    Solid { shape: Shape::Hull(hull), surface }
+}

@@ -1,0 +1,175 @@
+//! What stands along the kerbs: lamps, signs, trees, bins, parked cars and bicycles.
+
+use nalgebra::{Point2, Vector2};
+
+use super::{
+    bodies::{self, Car},
+    plan::{Course, Street, right_of},
+    plants,
+    random::{Domain, Random},
+    scene::{Finish, Solid, Surface},
+    shape::{Hull, Shape, Vec3},
+    town::Site,
+};
+
+/// One side of a street between two crossings, on the plan.
+struct Kerb {
+    street: Street,
+    /// On the centre line, at the kerb of the first crossing in driving direction.
+    origin: Point2<f64>,
+    /// Driving direction of this side.
+    along: Vector2<f64>,
+    /// Kerb to kerb of the crossing streets [m].
+    length_m: f32,
+    /// Block behind the sidewalk.
+    block: Option<[usize; 2]>,
+}
+
+impl Kerb {
+    /// A place `along_m` on the way and `outside_m` outside the kerb.
+    fn at(&self, along_m: f32, outside_m: f32) -> Point2<f64> {
+        let out = right_of(self.along) * f64::from(self.street.half_width_m + outside_m);
+        self.origin + self.along * f64::from(along_m) + out
+    }
+
+    fn outward(&self) -> Vector2<f64> {
+        right_of(self.along)
+    }
+}
+
+/// Furnishes all streets.
+pub fn furnish_streets(site: &mut Site, seed: u64) {
+    let [avenues, streets] = site.plan.size();
+    let mut number = 0;
+    for (course, lines, parts) in
+        [(Course::Avenue, avenues, streets - 1), (Course::Street, streets, avenues - 1)]
+    {
+        for (line, part, forward) in (0..lines)
+            .flat_map(|line| (0..parts).map(move |part| (line, part)))
+            .flat_map(|(line, part)| [(line, part, true), (line, part, false)])
+        {
+            number += 1;
+            let kerb = kerb(site, course, line, part, forward);
+            let random = &mut Random::keyed(seed, Domain::Kerb, &[number]);
+            furnish(site, &kerb, random);
+            park_cars(site, &kerb, random);
+        }
+    }
+}
+
+fn kerb(site: &Site, course: Course, line: usize, part: usize, forward: bool) -> Kerb {
+    let (street, crossing, axis) = match course {
+        Course::Avenue => (site.plan.avenues[line], &site.plan.streets, Vector2::y()),
+        Course::Street => (site.plan.streets[line], &site.plan.avenues, Vector2::x()),
+    };
+    let from = crossing[part].centre_m + crossing[part].half_width_m;
+    let to = crossing[part + 1].centre_m - crossing[part + 1].half_width_m;
+    let across = if course == Course::Avenue { Vector2::x() } else { Vector2::y() };
+    let start = f64::from(if forward { from } else { to });
+    let origin = Point2::from(axis * start + across * f64::from(street.centre_m));
+    let mut kerb =
+        Kerb { street, origin, along: if forward { axis } else { -axis }, length_m: to - from, block: None };
+    let behind = kerb.at(0.5 * kerb.length_m, 4.0);
+    kerb.block = site.plan.block_at(Point2::new(behind.x as f32, behind.y as f32));
+    kerb
+}
+
+fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
+    let trees = kerb.block.is_some_and(|block| site.plan.style(block).avenue_trees);
+    let tree_share =
+        if trees { 0.7 * site.options.vegetation.min(1.4) } else { 0.06 * site.options.vegetation };
+    let mut at = random.between(5.0, 7.0);
+    let mut number = random.below(3);
+    while at < kerb.length_m - 5.0 {
+        number += 1;
+        let place = kerb.at(at, 0.45);
+        match random.unit() {
+            _ if number % 3 == 0 => site.stand(&lamp(random), place, kerb.outward()),
+            draw if draw < tree_share => {
+                let foot = site.foot(place);
+                site.solids.extend(plants::tree(foot, random));
+            }
+            draw if draw > 0.88 => site.stand(&sign(random), place, -kerb.along),
+            draw if draw > 0.80 => {
+                site.stand(&bin(random), kerb.at(at, kerb.street.sidewalk_m - 0.25), kerb.along)
+            }
+            draw if draw > 0.70 => park_bicycles(site, kerb, at, random),
+            _ => {}
+        }
+        at += random.between(6.0, 9.0);
+    }
+    if random.chance(0.7) {
+        site.stand(&sign(random), kerb.at(kerb.length_m - 4.5, 0.4), -kerb.along);
+    }
+}
+
+fn park_bicycles(site: &mut Site, kerb: &Kerb, at: f32, random: &mut Random) {
+    for k in 0..1 + random.below(3) {
+        let bicycle = bodies::bicycle(11, site.instance());
+        let place = kerb.at(at + 0.7 * k as f32, kerb.street.sidewalk_m - 0.45);
+        let tilt = f64::from(random.between(-0.3, 0.3));
+        site.park(&bicycle, place, kerb.along + kerb.outward() * tilt, [0.5, 0.1]);
+    }
+}
+
+fn park_cars(site: &mut Site, kerb: &Kerb, random: &mut Random) {
+    if kerb.street.parking_m == 0.0 {
+        return;
+    }
+    let mut at = 9.5 + random.between(0.0, 2.0);
+    while at < kerb.length_m - 9.5 {
+        if random.chance(site.options.parked) {
+            let instance = site.instance();
+            let body = if random.chance(0.03) {
+                bodies::truck(6.0, 18, instance)
+            } else {
+                Car::draw(random).solids(10, instance)
+            };
+            let inset = -0.5 * kerb.street.parking_m - 0.05 + random.between(-0.08, 0.08);
+            let facing = if random.chance(0.9) { kerb.along } else { -kerb.along };
+            let skew = kerb.outward() * f64::from(random.between(-0.03, 0.03));
+            site.park(&body, kerb.at(at, inset), facing + skew, [1.3, 0.75]);
+        }
+        at += random.between(5.6, 6.4);
+    }
+}
+
+/// A street lamp; its arm points backwards, over the road.
+fn lamp(random: &mut Random) -> Vec<Solid> {
+    let height = random.between(5.0, 8.0);
+    let steel = Surface::matte(80, 0.30);
+    let mut solids = vec![
+        rod(steel, [0.0, 0.0, -0.2], [0.0, 0.0, height], 0.075),
+        rod(steel, [0.0, 0.0, -0.2], [0.0, 0.0, 1.0], 0.10),
+        rod(steel, [0.0, 0.0, height], [-1.3, 0.0, height + 0.25], 0.04),
+    ];
+    let head = Hull::cuboid([-1.9, -1.3], [-0.12, 0.12], [height + 0.18, height + 0.32]);
+    solids.push(Solid { shape: Shape::Hull(head), surface: steel });
+    solids
+}
+
+/// A traffic sign that faces along x.
+fn sign(random: &mut Random) -> Vec<Solid> {
+    let post = Surface::matte(80, 0.30);
+    let face = Surface::matte(81, 0.85).with(Finish::Retro);
+    let height = random.between(2.1, 2.5);
+    let half = random.between(0.25, 0.4);
+    let plate = Hull::cuboid([0.035, 0.055], [-half, half], [height, height + 2.0 * half]);
+    vec![
+        rod(post, [0.0, 0.0, -0.2], [0.0, 0.0, height + 2.0 * half], 0.035),
+        Solid { shape: Shape::Hull(plate), surface: face },
+    ]
+}
+
+/// A litter bin or a switch box.
+fn bin(random: &mut Random) -> Vec<Solid> {
+    let surface = Surface::matte(99, 0.25);
+    let half = [random.between(0.2, 0.5), random.between(0.15, 0.22)];
+    let top = random.between(0.8, 1.3);
+    let hull = Hull::cuboid([-half[0], half[0]], [-half[1], half[1]], [-0.1, top]);
+    vec![Solid { shape: Shape::Hull(hull), surface }]
+}
+
+fn rod(surface: Surface, a: [f32; 3], b: [f32; 3], radius_m: f32) -> Solid {
+    Solid { shape: Shape::Capsule { a: Vec3::from(a), b: Vec3::from(b), radius_m }, surface }
+}

@@ -1,0 +1,289 @@
+//! The street plan. It is drawn on squared paper (plan coordinates: avenues along y, streets along x) and then bent
+//! by a smooth map into the town, so that no street is straight and no crossing exactly square.
+
+use nalgebra::{Point2, Rotation2, Vector2};
+
+use super::{
+    options::TownOptions,
+    random::{Domain, Random},
+};
+
+/// A street of the plan.
+#[derive(Clone, Copy, Debug)]
+pub struct Street {
+    /// Plan coordinate of the centre line [m].
+    pub centre_m: f32,
+    /// Centre line to kerb [m].
+    pub half_width_m: f32,
+    /// Width of the parking strip at each kerb [m], 0 = none.
+    pub parking_m: f32,
+    /// Width of each sidewalk [m].
+    pub sidewalk_m: f32,
+}
+
+impl Street {
+    /// Centre line to the outer edge of the sidewalk [m].
+    pub fn reach_m(&self) -> f32 {
+        self.half_width_m + self.sidewalk_m
+    }
+}
+
+/// How a block is built up.
+#[derive(Clone, Copy, Debug)]
+pub struct BlockStyle {
+    /// Sidewalk to house front [m].
+    pub setback_m: f32,
+    /// Width of the paved strip inside the sidewalk [m]; beyond it is grass.
+    pub paved_m: f32,
+    /// Storeys of an ordinary house.
+    pub storeys: f32,
+    /// Gap between neighbours [m].
+    pub gap_m: f32,
+    /// Trees at the kerb instead of in the gardens.
+    pub avenue_trees: bool,
+}
+
+/// Direction in which a street runs on the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Course {
+    /// Along plan y.
+    Avenue,
+    /// Along plan x.
+    Street,
+}
+
+/// Where a point of the plan lies relative to the streets.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Distance outside the nearest kerb [m]; negative on the road.
+    pub outside_m: f32,
+    /// Distance from the nearest centre line [m].
+    pub lateral_m: f32,
+    /// Distance outside the kerb of the nearest crossing street [m].
+    pub from_crossing_m: f32,
+    /// Coordinate along the nearest street [m].
+    pub along_m: f32,
+    /// The nearest street.
+    pub street: Street,
+    /// Avenue and street index of the nearest crossing.
+    pub crossing: [usize; 2],
+}
+
+/// Lane centre to centre line [m].
+pub const LANE_M: f32 = 1.75;
+/// Radius of the kerb at a crossing [m].
+const KERB_RADIUS_M: f32 = 4.0;
+
+/// The street plan.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Streets along plan y, by x.
+    pub avenues: Vec<Street>,
+    /// Streets along plan x, by y.
+    pub streets: Vec<Street>,
+    styles: Vec<BlockStyle>,
+    bend: Bend,
+}
+
+/// The smooth map from the plan to the town.
+#[derive(Clone, Copy, Debug)]
+struct Bend {
+    amplitude_m: f64,
+    wave: [f64; 2],
+    phase: [f64; 2],
+}
+
+impl Plan {
+    /// Draws the plan of a seed.
+    pub fn draw(seed: u64, town: &TownOptions) -> Self {
+        let mut random = Random::keyed(seed, Domain::Plan, &[]);
+        let avenues = draw_streets(town.blocks[0], town.block_length_m, &mut random);
+        let streets = draw_streets(town.blocks[1], town.block_length_m, &mut random);
+        let styles = (0..town.blocks[0] * town.blocks[1]).map(|_| draw_style(&mut random)).collect();
+        let mut wave = || std::f64::consts::TAU / f64::from(random.between(130.0, 200.0));
+        let bend = Bend {
+            amplitude_m: f64::from(town.bend_m),
+            wave: [wave(), wave()],
+            phase: [f64::from(random.between(0.0, 6.0)), f64::from(random.between(0.0, 6.0))],
+        };
+        Self { avenues, streets, styles, bend }
+    }
+
+    /// Plan to town.
+    pub fn town_from_plan(&self, p: Point2<f64>) -> Point2<f64> {
+        let shift =
+            |k: usize, c: f64| self.bend.amplitude_m * (self.bend.wave[k] * c + self.bend.phase[k]).sin();
+        Point2::new(p.x + shift(0, p.y), p.y + shift(1, p.x))
+    }
+
+    /// Town to plan.
+    pub fn plan_from_town(&self, q: Point2<f64>) -> Point2<f64> {
+        // The bend's slope is below 0.25, so that each round divides the error by four or more.
+        let mut p = q;
+        for _ in 0..14 {
+            let error = q - self.town_from_plan(p);
+            p += error;
+            if error.norm_squared() < 1e-14 {
+                break;
+            }
+        }
+        p
+    }
+
+    /// A direction on the plan as an angle in the town [rad].
+    pub fn heading(&self, p: Point2<f64>, direction: Vector2<f64>) -> f64 {
+        let ahead = self.town_from_plan(p + direction * 0.05) - self.town_from_plan(p - direction * 0.05);
+        ahead.y.atan2(ahead.x)
+    }
+
+    /// Middle of a crossing on the plan.
+    pub fn crossing(&self, node: [usize; 2]) -> Point2<f64> {
+        Point2::new(f64::from(self.avenues[node[0]].centre_m), f64::from(self.streets[node[1]].centre_m))
+    }
+
+    /// Number of avenues and streets.
+    pub fn size(&self) -> [usize; 2] {
+        [self.avenues.len(), self.streets.len()]
+    }
+
+    /// Plan rectangle from the middle of the first crossing to that of the last: x from, x to, y from, y to [m].
+    pub fn extent(&self) -> [f32; 4] {
+        let ends = |s: &[Street]| [s[0].centre_m, s[s.len() - 1].centre_m];
+        let ([x0, x1], [y0, y1]) = (ends(&self.avenues), ends(&self.streets));
+        [x0, x1, y0, y1]
+    }
+
+    /// Style of the block whose lower left crossing is this one.
+    pub fn style(&self, block: [usize; 2]) -> &BlockStyle {
+        &self.styles[block[0] * (self.streets.len() - 1) + block[1]]
+    }
+
+    /// The block that a point lies in, centre lines taken as its edges; `None` outside the town.
+    pub fn block_at(&self, p: Point2<f32>) -> Option<[usize; 2]> {
+        let slot = |streets: &[Street], c: f32| {
+            let after = streets.partition_point(|s| s.centre_m <= c);
+            (after > 0 && after < streets.len()).then(|| after - 1)
+        };
+        Some([slot(&self.avenues, p.x)?, slot(&self.streets, p.y)?])
+    }
+
+    /// Where a point lies relative to the streets.
+    pub fn place(&self, p: Point2<f32>) -> Place {
+        let (i, j) = (nearest(&self.avenues, p.x), nearest(&self.streets, p.y));
+        let (avenue, street) = (self.avenues[i], self.streets[j]);
+        let (dx, dy) = (p.x - avenue.centre_m, p.y - street.centre_m);
+        let (ex, ey) = (dx.abs() - avenue.half_width_m, dy.abs() - street.half_width_m);
+        let common = |street, lateral_m, along_m, from_crossing_m| Place {
+            outside_m: rounded_corner(ex, ey),
+            lateral_m,
+            from_crossing_m,
+            along_m,
+            street,
+            crossing: [i, j],
+        };
+        if ex < ey { common(avenue, dx, p.y, ey) } else { common(street, dy, p.x, ex) }
+    }
+}
+
+fn nearest(streets: &[Street], c: f32) -> usize {
+    let after = streets.partition_point(|s| s.centre_m < c);
+    match after {
+        0 => 0,
+        n if n == streets.len() => n - 1,
+        n if c - streets[n - 1].centre_m < streets[n].centre_m - c => n - 1,
+        n => n,
+    }
+}
+
+/// Signed distance to the kerb of two crossing streets whose corner is rounded.
+fn rounded_corner(ex: f32, ey: f32) -> f32 {
+    if ex.max(ey) <= 0.0 || ex >= KERB_RADIUS_M || ey >= KERB_RADIUS_M {
+        return ex.min(ey);
+    }
+    let (x, y) = ((KERB_RADIUS_M - ex).max(0.0), (KERB_RADIUS_M - ey).max(0.0));
+    KERB_RADIUS_M - x.hypot(y)
+}
+
+fn draw_streets(blocks: usize, [short, long]: [f32; 2], random: &mut Random) -> Vec<Street> {
+    let gaps: Vec<f32> = (0..blocks).map(|_| random.between(short, long)).collect();
+    let mut centre_m = -0.5 * gaps.iter().sum::<f32>();
+    let mut streets = Vec::with_capacity(blocks + 1);
+    for k in 0..=blocks {
+        let parking_m = if random.chance(0.6) { 2.1 } else { 0.0 };
+        streets.push(Street {
+            centre_m,
+            half_width_m: 3.6 + parking_m,
+            parking_m,
+            sidewalk_m: random.between(2.2, 3.2),
+        });
+        centre_m += gaps.get(k).copied().unwrap_or(0.0);
+    }
+    streets
+}
+
+fn draw_style(random: &mut Random) -> BlockStyle {
+    if random.chance(0.45) {
+        return BlockStyle {
+            setback_m: random.between(0.2, 1.2),
+            paved_m: 30.0,
+            storeys: random.between(3.0, 4.9),
+            gap_m: 0.3,
+            avenue_trees: random.chance(0.6),
+        };
+    }
+    BlockStyle {
+        setback_m: random.between(2.5, 5.0),
+        paved_m: random.between(0.0, 0.4),
+        storeys: random.between(1.6, 2.9),
+        gap_m: random.between(3.0, 6.0),
+        avenue_trees: random.chance(0.3),
+    }
+}
+
+/// Unit vector to the right of a direction.
+pub fn right_of(direction: Vector2<f64>) -> Vector2<f64> {
+    Rotation2::new(-std::f64::consts::FRAC_PI_2) * direction
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan() -> Plan {
+        Plan::draw(3, &TownOptions::default())
+    }
+
+    #[test]
+    fn bending_and_straightening_are_inverse() {
+        let plan = plan();
+        for k in 0..200 {
+            let p = Point2::new(-100.0 + f64::from(k), 0.7 * f64::from(k) - 60.0);
+            assert!((plan.plan_from_town(plan.town_from_plan(p)) - p).norm() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn centre_lines_are_road_and_block_middles_are_not() {
+        let plan = plan();
+        let [x, y] = [plan.avenues[2].centre_m, plan.streets[2].centre_m];
+        let next = plan.avenues[3].centre_m;
+        assert!(plan.place(Point2::new(x, y + 20.0)).outside_m <= -3.5);
+        assert!(plan.place(Point2::new(0.5 * (x + next), y + 20.0)).outside_m > 5.0);
+        assert_eq!(plan.block_at(Point2::new(x + 1.0, y + 1.0)), Some([2, 2]));
+        assert_eq!(plan.block_at(Point2::new(x - 1e4, y)), None);
+    }
+
+    #[test]
+    fn edge_distance_has_no_jumps() {
+        let plan = plan();
+        let node = plan.crossing([2, 2]);
+        for k in 0..400 {
+            let angle = f64::from(k) * 0.0157;
+            let at = |a: f64| {
+                let p = node + Vector2::new(a.cos(), a.sin()) * 8.0;
+                plan.place(Point2::new(p.x as f32, p.y as f32)).outside_m
+            };
+            assert!((at(angle) - at(angle + 0.0157)).abs() < 0.2);
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Solids with surfaces, and the static scene that rays are cast into.
+
+use std::ops::Range;
+
+use nalgebra::{Isometry3, Vector2};
+
+use super::{
+    facade::Facade,
+    grid::Grid,
+    ground::Ground,
+    random::{Random, combine},
+    shape::{Hit, Ray, Shape},
+};
+
+/// What a solid looks like to a laser.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Finish {
+    /// An ordinary surface.
+    Matte,
+    /// Glass: most rays vanish.
+    Glass,
+    /// A mesh or pickets: this share of the rays is stopped.
+    Open(f32),
+    /// A wall with windows, by its number in the scene.
+    Facade(u32),
+    /// Paint or foil that sends light back.
+    Retro,
+}
+
+/// Surface of a solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// SemanticKITTI id.
+    pub label: u16,
+    /// Instance number, 0 = none.
+    pub instance: u16,
+    /// Reflectance, 0 to 1.
+    pub reflectance: f32,
+    /// What it looks like to a laser.
+    pub finish: Finish,
+}
+
+impl Surface {
+    /// A matte surface of no instance.
+    pub fn matte(label: u16, reflectance: f32) -> Self {
+        Self { label, instance: 0, reflectance, finish: Finish::Matte }
+    }
+
+    /// The same with another finish.
+    pub fn with(self, finish: Finish) -> Self {
+        Self { finish, ..self }
+    }
+}
+
+/// A shape with a surface.
+#[derive(Clone, Debug)]
+pub struct Solid {
+    /// Its shape.
+    pub shape: Shape,
+    /// Its surface.
+    pub surface: Surface,
+}
+
+impl Solid {
+    /// This solid moved from a body's frame into the town's.
+    pub fn moved(&self, pose: &Isometry3<f32>) -> Self {
+        Self { shape: self.shape.moved(pose), surface: self.surface }
+    }
+}
+
+/// What a ray met.
+#[derive(Clone, Copy, Debug)]
+pub struct Echo {
+    /// Where.
+    pub hit: Hit,
+    /// On what.
+    pub surface: Surface,
+}
+
+/// Hash of a ray, from which everything random along it follows.
+pub type RayKey = u64;
+
+/// The first of some solids that a ray meets, nearer than `limit_m`. `number` tells the solids apart.
+pub fn first_hit<'a>(
+    solids: impl Iterator<Item = (u64, &'a Solid)>,
+    facades: &[Facade],
+    ray: &Ray,
+    key: RayKey,
+    limit_m: f32,
+) -> Option<Echo> {
+    let mut best: Option<Echo> = None;
+    for (number, solid) in solids {
+        let random = || Random::hashed(combine(key, number));
+        let Some(mut hit) = solid.shape.hit(ray, random) else { continue };
+        let mut surface = solid.surface;
+        match surface.finish {
+            Finish::Open(share) if !random().chance(share) => continue,
+            Finish::Facade(index) => (hit, surface.finish) = facades[index as usize].refine(ray, hit),
+            _ => {}
+        }
+        if hit.range_m < best.map_or(limit_m, |b| b.hit.range_m) {
+            best = Some(Echo { hit, surface });
+        }
+    }
+    best
+}
+
+/// Everything that stands still.
+#[derive(Debug)]
+pub struct Scene {
+    ground: Ground,
+    solids: Vec<Solid>,
+    facades: Vec<Facade>,
+    grid: Grid,
+    /// Lowest and highest ground of each cell [m].
+    ground_bounds: Vec<(f32, f32)>,
+}
+
+/// Side of a cell of the scene's grid [m].
+const CELL_M: f32 = 2.0;
+
+impl Scene {
+    /// Sorts solids into a grid over the ground.
+    pub fn new(ground: Ground, solids: Vec<Solid>, facades: Vec<Facade>) -> Self {
+        let (origin, size) = ground.extent();
+        let bounds: Vec<_> = solids.iter().map(|solid| solid.shape.bounds()).collect();
+        let grid = Grid::new(origin, size, CELL_M, &bounds);
+        let ground_bounds = (0..grid.len()).map(|c| ground.bounds(grid.corner(c), CELL_M)).collect();
+        Self { ground, solids, facades, grid, ground_bounds }
+    }
+
+    /// The ground.
+    pub fn ground(&self) -> &Ground {
+        &self.ground
+    }
+
+    /// What the ray meets first, nearer than `limit_m`.
+    pub fn cast(&self, ray: &Ray, key: RayKey, limit_m: f32) -> Option<Echo> {
+        for step in self.grid.walk(ray, limit_m) {
+            let lowest = ray.at(step.from_m).z.min(ray.at(step.to_m).z);
+            let mut found = None;
+            if lowest <= self.grid.top(step.cell) {
+                found = self.first_solid(ray, key, step.cell, limit_m);
+            }
+            // A solid found here may still lie in a later cell: then it will be found again there.
+            found = found.filter(|echo: &Echo| echo.hit.range_m <= step.to_m + 0.3);
+            if lowest <= self.ground_bounds[step.cell].1 {
+                let end = found.map_or(step.to_m, |echo| echo.hit.range_m.min(step.to_m));
+                found = self.hit_ground(ray, step.from_m..end).or(found);
+            }
+            if found.is_some() {
+                return found;
+            }
+        }
+        None
+    }
+
+    fn first_solid(&self, ray: &Ray, key: RayKey, cell: usize, limit_m: f32) -> Option<Echo> {
+        let here = self.grid.items(cell).iter().map(|i| (u64::from(*i), &self.solids[*i as usize]));
+        first_hit(here, &self.facades, ray, key, limit_m)
+    }
+
+    fn hit_ground(&self, ray: &Ray, span: Range<f32>) -> Option<Echo> {
+        let (hit, cover) = self.ground.hit(ray, span.start, span.end)?;
+        Some(Echo { hit, surface: Surface::matte(cover.label, cover.reflectance) })
+    }
+
+    /// True if no solid's bounds lie within `radius_m` of a place between two heights [m].
+    pub fn is_free(&self, at: Vector2<f32>, radius_m: f32, heights: Range<f32>) -> bool {
+        self.grid.cells_near(at, radius_m).all(|cell| {
+            self.grid.items(cell).iter().all(|item| {
+                let (low, high) = self.solids[*item as usize].shape.bounds();
+                let gap = (low.xy() - at).sup(&(at - high.xy())).sup(&Vector2::zeros());
+                gap.norm() > radius_m || high.z < heights.start || low.z > heights.end
+            })
+        })
+    }
+}

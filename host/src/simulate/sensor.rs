@@ -1,0 +1,161 @@
+//! The Velodyne HDL-64E: where its rays go, and what it makes of their echoes.
+
+use super::{
+    options::SensorOptions,
+    random::Random,
+    scene::{Echo, Finish},
+    shape::Vec3,
+};
+
+/// Number of lasers.
+pub const RINGS: usize = 64;
+
+/// One laser.
+#[derive(Clone, Copy, Debug)]
+pub struct Laser {
+    /// Elevation of its rays [deg].
+    pub elevation_deg: f32,
+    /// Height of its origin in the sensor frame [m].
+    pub origin_m: f32,
+}
+
+/// The lasers from top to bottom: two blocks, 1/3 and 1/2 deg apart, mounted one above the other.
+pub fn lasers() -> [Laser; RINGS] {
+    std::array::from_fn(|ring| {
+        if ring < 32 {
+            Laser { elevation_deg: 2.0 - ring as f32 / 3.0, origin_m: 0.20 }
+        } else {
+            Laser { elevation_deg: -8.83 - 0.506 * (ring - 32) as f32, origin_m: 0.11 }
+        }
+    })
+}
+
+/// A part of the own vehicle in the way of the rays: a sector that widens downwards.
+struct Shadow {
+    azimuth_deg: f32,
+    half_width_deg: f32,
+    below_deg: f32,
+    widening: f32,
+}
+
+/// Roof at the back, bonnet, an aerial at the right, a rail at the left: about what KITTI's car hides.
+const OWN_VEHICLE: [Shadow; 4] = [
+    Shadow { azimuth_deg: 185.0, half_width_deg: 4.0, below_deg: -16.3, widening: 4.5 },
+    Shadow { azimuth_deg: 0.0, half_width_deg: 2.0, below_deg: -21.8, widening: 6.0 },
+    Shadow { azimuth_deg: 294.0, half_width_deg: 7.0, below_deg: -16.0, widening: 0.0 },
+    Shadow { azimuth_deg: 136.0, half_width_deg: 4.0, below_deg: -20.0, widening: 0.0 },
+];
+
+/// True if the own vehicle is in the way of a ray of this azimuth (from x to y) and elevation [deg].
+pub fn is_masked(azimuth_deg: f32, elevation_deg: f32) -> bool {
+    OWN_VEHICLE.iter().any(|shadow| {
+        let depth = shadow.below_deg - elevation_deg;
+        let off = (azimuth_deg - shadow.azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
+        depth > 0.0 && off.abs() < shadow.half_width_deg + shadow.widening * depth
+    })
+}
+
+/// What the sensor reports for an echo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Return {
+    /// Measured range [m].
+    pub range_m: f32,
+    /// Remission, 0 to 0.99 in hundredths.
+    pub remission: f32,
+}
+
+/// Measures an echo; `None` if it is lost or out of range.
+pub fn measure(options: &SensorOptions, direction: Vec3, echo: &Echo, random: &mut Random) -> Option<Return> {
+    let slant = echo.hit.normal.dot(&direction).abs().clamp(0.0, 1.0);
+    let (true_m, reflectance) = through_glass(echo, random)?;
+    if random.chance(loss(options, true_m, reflectance, slant)) {
+        return None;
+    }
+    let spread = 1.0 + 0.5 * true_m / 80.0 + 0.4 * (1.0 - slant);
+    let blades = if echo.surface.label == TERRAIN { 0.015 * random.normal() } else { 0.0 };
+    let range_m = true_m + options.range_noise_m * spread * random.normal() + blades;
+    let seen = (options.min_range_m..options.max_range_m).contains(&range_m);
+    let remission = remission(echo.surface.finish, reflectance, slant, random);
+    seen.then_some(Return { range_m, remission })
+}
+
+/// SemanticKITTI id of grass.
+const TERRAIN: u16 = 72;
+
+/// Range [m] and reflectance of what sends the echo back; through glass it is often nothing.
+fn through_glass(echo: &Echo, random: &mut Random) -> Option<(f32, f32)> {
+    let plain = (echo.hit.range_m, echo.surface.reflectance);
+    if echo.surface.finish != Finish::Glass {
+        return Some(plain);
+    }
+    match random.unit() {
+        draw if draw < 0.45 => None,
+        draw if draw < 0.65 => Some((plain.0 + random.between(0.2, 1.4), 0.15)),
+        _ => Some((plain.0, 0.12)),
+    }
+}
+
+/// Probability that an echo is too weak: it falls with the square of the range and with the slant.
+fn loss(options: &SensorOptions, range_m: f32, reflectance: f32, slant: f32) -> f32 {
+    let strength = reflectance * slant + 0.008;
+    let weakness = 0.011 * (range_m / 50.0).powi(2) / strength;
+    options.dropout * (0.012 + 1.0 - (-weakness).exp())
+}
+
+fn remission(finish: Finish, reflectance: f32, slant: f32, random: &mut Random) -> f32 {
+    let exact = if finish == Finish::Retro { 1.2 * reflectance } else { reflectance * (0.6 + 0.4 * slant) };
+    let noisy = exact + random.normal() * (0.015 + 0.12 * exact);
+    let quantised = (100.0 * noisy).round() / 100.0;
+    if random.chance(0.05) { 0.0 } else { quantised.clamp(0.0, 0.99) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{random::Domain, scene::Surface, shape::Hit};
+
+    fn echo(range_m: f32, reflectance: f32) -> Echo {
+        Echo { hit: Hit { range_m, normal: -Vec3::x() }, surface: Surface::matte(50, reflectance) }
+    }
+
+    fn returns(range_m: f32, reflectance: f32) -> Vec<Return> {
+        let options = SensorOptions::default();
+        let shoot = |k| {
+            let random = &mut Random::keyed(3, Domain::Ray, &[k]);
+            measure(&options, Vec3::x(), &echo(range_m, reflectance), random)
+        };
+        (0..4000).filter_map(shoot).collect()
+    }
+
+    #[test]
+    fn elevations_fall_from_2_to_minus_25_degrees() {
+        let lasers = lasers();
+        assert!(lasers.windows(2).all(|pair| pair[0].elevation_deg > pair[1].elevation_deg + 0.3));
+        assert_eq!(lasers[0].elevation_deg, 2.0);
+        assert!((lasers[63].elevation_deg + 24.5).abs() < 0.4);
+    }
+
+    #[test]
+    fn range_noise_has_the_size_of_the_options_and_no_bias() {
+        let ranges: Vec<f32> = returns(10.0, 0.5).iter().map(|r| r.range_m - 10.0).collect();
+        let mean = ranges.iter().sum::<f32>() / ranges.len() as f32;
+        let sd = (ranges.iter().map(|e| (e - mean).powi(2)).sum::<f32>() / ranges.len() as f32).sqrt();
+        assert!(mean.abs() < 0.002 && (0.019..0.024).contains(&sd), "mean {mean}, sd {sd}");
+    }
+
+    #[test]
+    fn weak_and_far_echoes_are_lost_more_often() {
+        let [near, far, dark] =
+            [returns(10.0, 0.4), returns(70.0, 0.4), returns(70.0, 0.03)].map(|r| r.len());
+        assert!(near > far && far > dark && dark > 0, "{near} {far} {dark}");
+        assert!(returns(85.0, 0.5).is_empty());
+    }
+
+    #[test]
+    fn own_vehicle_hides_only_low_rays() {
+        let hidden = |elevation| (0..360).filter(|a| is_masked(*a as f32, elevation)).count();
+        assert_eq!(hidden(-10.0), 0);
+        assert!((10..60).contains(&hidden(-18.0)));
+        assert!((80..170).contains(&hidden(-24.3)));
+    }
+}
