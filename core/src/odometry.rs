@@ -1,65 +1,606 @@
-//! The story of one frame, in the paper's order.
+//! The story of one frame, in the paper's order. Only this file knows the order of the stages.
 
+use heapless::Vec;
+use nalgebra::{Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+
+use crate::capacity::PAIRS;
 use crate::error::{OdometryError, ParameterError};
-use crate::estimate::{FrameEstimate, StageObserver, TrackReport};
-use crate::landmarks::Landmark;
-use crate::scan::LabelledScan;
+use crate::estimate::{
+    BufferUse, Evidence, Fallback, FrameEstimate, FrameStatus, MotionEvidence, Stage, StageObserver,
+    TrackReport,
+};
+use crate::instances::{self, Instances};
+use crate::label_filter;
+use crate::landmarks::{self, Landmark, MotionState};
+use crate::motion_state::{
+    self,
+    tracker::{self, Track},
+    visibility::Visibility,
+};
+use crate::pose::{self, MapPose, PlanarPose, Pose};
+use crate::precise_pose::dense::{self, SourcePoint};
+use crate::precise_pose::landmark_map::{self, MapLandmark};
+use crate::precise_pose::voxel_map::{Group, VoxelMap};
+use crate::precise_pose::{self, vertical};
+use crate::preliminary_pose;
+use crate::preliminary_pose::hull_registration::{self, HullPair};
+use crate::preliminary_pose::pairing::{self, Candidate};
+use crate::scan::{LabelledScan, MotionClass};
+use crate::scan_cells::{Cell, ScanCells};
 
 /// All parameters, one table per stage.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Config {}
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct Config {
+    /// Label filter (section 3.1.2).
+    pub label_filter: label_filter::Config,
+    /// Instances (section 3.1.2).
+    pub instances: instances::Config,
+    /// Preliminary pose (section 3.2).
+    pub preliminary_pose: preliminary_pose::Config,
+    /// Motion states (section 3.3).
+    pub motion_state: motion_state::Config,
+    /// Precise pose (section 3.4).
+    pub precise_pose: precise_pose::Config,
+}
 
 impl Config {
-    /// Nothing but the paper.
-    pub const fn paper() -> Self {
-        Self {}
-    }
-    /// The default: the paper's stages with the dense refinement.
+    /// The default: the paper's stages, its weak spots mended, and the dense refinement.
     pub const fn accurate() -> Self {
-        Self {}
-    }
-    /// Checks every parameter.
-    pub const fn check(&self) -> Result<(), ParameterError> {
-        Ok(())
-    }
-}
-
-/// The odometry with its memory.
-pub struct Odometry<const CELLS: usize> {
-    _cells: [u8; CELLS],
-}
-
-/// Profile for full HDL-64 scans.
-pub type FullScanOdometry = Odometry<1>;
-
-impl<const CELLS: usize> Odometry<CELLS> {
-    /// An odometry at the origin.
-    pub const fn new(config: Config) -> Result<Self, ParameterError> {
-        match config.check() {
-            Ok(()) => Ok(Self { _cells: [0; CELLS] }),
-            Err(error) => Err(error),
+        Self {
+            label_filter: label_filter::Config::DEFAULT,
+            instances: instances::Config::DEFAULT,
+            preliminary_pose: preliminary_pose::Config::DEFAULT,
+            motion_state: motion_state::Config::DEFAULT,
+            precise_pose: precise_pose::Config::DEFAULT,
         }
     }
-    /// Back to the origin, everything forgotten.
-    pub fn reset(&mut self) {}
-    /// Registers one scan.
+
+    /// Nothing but the paper.
+    pub const fn paper() -> Self {
+        Self {
+            label_filter: label_filter::Config::DEFAULT,
+            instances: instances::Config::PAPER,
+            preliminary_pose: preliminary_pose::Config::PAPER,
+            motion_state: motion_state::Config::PAPER,
+            precise_pose: precise_pose::Config::PAPER,
+        }
+    }
+
+    /// Checks every parameter; names the first that is out of range.
+    pub const fn check(&self) -> Result<(), ParameterError> {
+        if let Err(error) = self.label_filter.check() {
+            return Err(error);
+        }
+        if let Err(error) = self.instances.check() {
+            return Err(error);
+        }
+        if let Err(error) = self.preliminary_pose.check() {
+            return Err(error);
+        }
+        if let Err(error) = self.motion_state.check() {
+            return Err(error);
+        }
+        self.precise_pose.check()
+    }
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self::accurate()
+    }
+}
+
+/// The origin of the local frame follows the vehicle in steps of about this length [m], so that single precision does.
+const ANCHOR_STEP_M: f32 = 160.0;
+
+/// Where the vehicle is and how it moved. The local frame is the map frame moved to the anchor.
+#[derive(Clone, Copy, Debug)]
+struct Motion {
+    local_from_sensor: Pose,
+    /// Motion of the last frame, and the time it took [s].
+    previous_from_current: Pose,
+    period_s: f64,
+    /// Position of the local frame's origin in the map [m].
+    anchor_m: [f64; 3],
+    /// Path driven [m].
+    path_m: f32,
+    /// Frames in a row that were not registered, or not yet: the search widens.
+    lost: u32,
+}
+
+impl Motion {
+    const START: Self = Self {
+        local_from_sensor: pose::IDENTITY,
+        previous_from_current: pose::IDENTITY,
+        period_s: 0.0,
+        anchor_m: [0.0; 3],
+        path_m: 0.0,
+        lost: 1,
+    };
+}
+
+/// The odometry with its memory: no allocation, a bounded cost per scan. The capacities are explained in [`crate::capacity`].
+///
+/// It is large: place it in a `static`, or build it on a thread with a large stack and box it.
+pub struct Odometry<
+    const CELLS: usize,
+    const INSTANCES: usize,
+    const LANDMARKS: usize,
+    const TRACKS: usize,
+    const VOXEL_SETS: usize,
+    const MAP_LANDMARKS: usize,
+> {
+    config: Config,
+    frame: u32,
+    stamp_s: f64,
+    motion: Motion,
+    next_track: u32,
+    evicted_landmarks: u32,
+    cells: ScanCells<CELLS>,
+    instances: Instances<CELLS, INSTANCES>,
+    order: Vec<u16, INSTANCES>,
+    landmarks: Vec<Landmark, LANDMARKS>,
+    previous_landmarks: Vec<Landmark, LANDMARKS>,
+    candidates: Vec<Candidate, LANDMARKS>,
+    pairs: Vec<HullPair, PAIRS>,
+    tracks: Vec<Track, TRACKS>,
+    visibility: Visibility,
+    source: Vec<SourcePoint, CELLS>,
+    voxels: VoxelMap<VOXEL_SETS>,
+    map_landmarks: Vec<MapLandmark, MAP_LANDMARKS>,
+}
+
+impl<
+    const CELLS: usize,
+    const INSTANCES: usize,
+    const LANDMARKS: usize,
+    const TRACKS: usize,
+    const VOXEL_SETS: usize,
+    const MAP_LANDMARKS: usize,
+> Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS>
+{
+    /// An odometry at the origin of its map.
+    pub const fn new(config: Config) -> Result<Self, ParameterError> {
+        if let Err(error) = config.check() {
+            return Err(error);
+        }
+        Ok(Self {
+            config,
+            frame: 0,
+            stamp_s: 0.0,
+            motion: Motion::START,
+            next_track: 0,
+            evicted_landmarks: 0,
+            cells: ScanCells::new(),
+            instances: Instances::new(),
+            order: Vec::new(),
+            landmarks: Vec::new(),
+            previous_landmarks: Vec::new(),
+            candidates: Vec::new(),
+            pairs: Vec::new(),
+            tracks: Vec::new(),
+            visibility: Visibility::new(),
+            source: Vec::new(),
+            voxels: VoxelMap::new(),
+            map_landmarks: Vec::new(),
+        })
+    }
+
+    /// Back to the origin, everything forgotten but the configuration.
+    pub fn reset(&mut self) {
+        (self.frame, self.stamp_s, self.motion) = (0, 0.0, Motion::START);
+        (self.next_track, self.evicted_landmarks) = (0, 0);
+        self.landmarks.clear();
+        self.previous_landmarks.clear();
+        self.tracks.clear();
+        self.visibility.clear();
+        self.voxels.clear();
+        self.map_landmarks.clear();
+    }
+
+    /// Registers one scan and writes each point's landmark.
+    ///
+    /// # Errors
+    /// A stamp that is not finite or not after the previous one; the state is then as before the call. A scan that
+    /// cannot be registered is no error: see [`FrameStatus::Predicted`].
     pub fn process_scan(&mut self, scan: &mut LabelledScan<'_>) -> Result<FrameEstimate, OdometryError> {
         self.process_scan_observed(scan, &mut ())
     }
+
     /// [`Self::process_scan`], telling `observer` when each stage is done.
     pub fn process_scan_observed(
         &mut self,
-        _scan: &mut LabelledScan<'_>,
-        _observer: &mut impl StageObserver,
+        scan: &mut LabelledScan<'_>,
+        observer: &mut impl StageObserver,
     ) -> Result<FrameEstimate, OdometryError> {
-        unimplemented!()
+        let period_s = self.period(scan.stamp_s)?;
+        let mut evidence = Evidence::default();
+        let predicted = self.predict(period_s);
+
+        // 3.1.2: what each point is
+        evidence.points = label_filter::filter(&self.config.label_filter, scan.points, &mut self.cells);
+        observer.finished(Stage::LabelFilter);
+
+        // 3.1.2: instances
+        let local_from_predicted = self.motion.local_from_sensor * predicted;
+        self.instances.find(&self.config.instances, &mut self.cells, &local_from_predicted);
+        evidence.instances = self.instances.all_mut().len() as u32;
+        observer.finished(Stage::Instances);
+
+        // 3.2.1: landmarks
+        core::mem::swap(&mut self.landmarks, &mut self.previous_landmarks);
+        let landmarks_refused = landmarks::extract(
+            &self.config.instances,
+            self.instances.all_mut(),
+            self.cells.cells_mut(),
+            &mut self.order,
+            &mut self.landmarks,
+        );
+        observer.finished(Stage::Landmarks);
+
+        // 3.2: preliminary pose, scan to scan
+        let (previous_from_current, preliminary) = self.preliminary_pose(&predicted);
+        evidence.preliminary = preliminary;
+        let preliminary_pose = compose(&self.motion.local_from_sensor, &previous_from_current);
+        observer.finished(Stage::PreliminaryPose);
+
+        // 3.3: what moves
+        self.visibility.add(scan.points, &preliminary_pose);
+        let tracks_refused = tracker::update(
+            &self.config.motion_state,
+            period_s as f32,
+            &preliminary_pose,
+            &mut self.landmarks,
+            &self.visibility,
+            &mut self.next_track,
+            &mut self.tracks,
+        );
+        evidence.motion = self.motion_evidence();
+        observer.finished(Stage::MotionState);
+
+        // 3.4: precise pose, scan to submap
+        let precise = self.precise_pose(&local_from_predicted, &preliminary_pose, &mut evidence);
+        let (local_from_sensor, status, information) = precise;
+        self.visibility.set_newest_pose(&local_from_sensor);
+        observer.finished(Stage::PrecisePose);
+
+        // the submap takes the scan in
+        self.advance(&local_from_sensor, period_s, status);
+        if !matches!(status, FrameStatus::Predicted(_)) {
+            self.extend_submap();
+        }
+        label_filter::assign_landmarks(scan.points, &self.cells);
+        evidence.buffers = self.buffers(landmarks_refused, tracks_refused, evidence.points.over_capacity);
+        let estimate = FrameEstimate {
+            frame: self.frame,
+            stamp_s: scan.stamp_s,
+            map_from_sensor: self.map_from_sensor(),
+            covariance: covariance(&information, &local_from_sensor),
+            status,
+            evidence,
+        };
+        (self.frame, self.stamp_s) = (self.frame + 1, scan.stamp_s);
+        self.keep_near_anchor();
+        observer.finished(Stage::Submap);
+        Ok(estimate)
     }
-    /// Landmarks of the last scan.
+
+    /// Landmarks of the last scan; a point's `landmark` field is an index into them.
     pub fn landmarks(&self) -> &[Landmark] {
-        &[]
+        &self.landmarks
     }
+
     /// Living tracks after the last scan.
     pub fn tracks(&self) -> impl Iterator<Item = TrackReport> {
-        core::iter::empty()
+        self.tracks.iter().map(|track| {
+            let (p, v) = (track.motion.position(), track.motion.velocity());
+            let local = [p.x, p.y, track.height];
+            TrackReport {
+                id: track.id,
+                class: track.class,
+                state: track.state,
+                position: [0, 1, 2].map(|k| self.motion.anchor_m[k] + f64::from(local[k])),
+                velocity: [v.x, v.y],
+                landmark: track.landmark,
+            }
+        })
     }
+
+    fn period(&self, stamp_s: f64) -> Result<f64, OdometryError> {
+        if !stamp_s.is_finite() {
+            return Err(OdometryError::StampNotFinite);
+        }
+        if self.frame > 0 && stamp_s <= self.stamp_s {
+            return Err(OdometryError::TimeWentBack { previous_s: self.stamp_s, current_s: stamp_s });
+        }
+        Ok(if self.frame > 0 { stamp_s - self.stamp_s } else { 0.0 })
+    }
+
+    /// The motion expected over `period_s`, at constant velocity.
+    fn predict(&self, period_s: f64) -> Pose {
+        if self.motion.period_s <= 0.0 {
+            return self.motion.previous_from_current;
+        }
+        let ratio = (period_s / self.motion.period_s) as f32;
+        pose::exp(&(pose::log(&self.motion.previous_from_current) * ratio.clamp(0.0, 10.0)))
+    }
+
+    /// Widens the searches after frames that were not registered.
+    fn search_scale(&self) -> f32 {
+        if self.motion.lost > 0 { 4.0 } else { 1.0 }
+    }
+
+    fn preliminary_pose(&mut self, predicted: &Pose) -> (Pose, crate::estimate::HullEvidence) {
+        let mut config = self.config.preliminary_pose;
+        config.hulls.search_m *= self.search_scale();
+        config.pairing.gate_m *= self.search_scale();
+        preliminary_pose::estimate(
+            &config,
+            u64::from(self.frame),
+            &self.previous_landmarks,
+            &self.landmarks,
+            predicted,
+            &mut self.candidates,
+            &mut self.pairs,
+        )
+    }
+
+    fn motion_evidence(&self) -> MotionEvidence {
+        let count = |state| self.landmarks.iter().filter(|l| l.state == state).count() as u32;
+        MotionEvidence {
+            tracks: self.tracks.len() as u32,
+            dynamic: count(MotionState::Dynamic),
+            semi_static: count(MotionState::SemiStatic),
+            undecided: count(MotionState::Undecided),
+        }
+    }
+
+    /// Section 3.4. Gives the pose, how it came about, and its information matrix.
+    fn precise_pose(
+        &mut self,
+        predicted: &Pose,
+        preliminary: &Pose,
+        evidence: &mut Evidence,
+    ) -> (Pose, FrameStatus, Matrix6<f32>) {
+        let config = self.config.precise_pose;
+        let (ground, ground_evidence) = vertical::fit(&config.vertical, self.cells.cells());
+        evidence.ground = ground_evidence;
+        if self.frame == 0 {
+            return (*predicted, FrameStatus::First, Matrix6::identity() * 1e8);
+        }
+        if self.cells.cells().is_empty() {
+            return (*predicted, FrameStatus::Predicted(Fallback::EmptyScan), Matrix6::zeros());
+        }
+        let mut start = *preliminary;
+        if config.horizontal {
+            start = self.horizontal_pose(preliminary, evidence);
+        }
+        if config.dense.enabled {
+            return self.dense_pose(predicted, &start, evidence);
+        }
+        let pose = match ground {
+            Some(ground) => self.with_vertical(&start, &ground),
+            None => start,
+        };
+        let status = match evidence.horizontal.pairs {
+            0 => FrameStatus::Predicted(Fallback::NoLandmarks),
+            _ => FrameStatus::Registered,
+        };
+        (pose, status, Matrix6::identity() * 1e3)
+    }
+
+    /// Section 3.4.1: hulls of the scan against those of the submap.
+    fn horizontal_pose(&mut self, start: &Pose, evidence: &mut Evidence) -> Pose {
+        let config = self.config.precise_pose;
+        let usable = |l: &Landmark| matches!(l.state, MotionState::PureStatic | MotionState::SemiStatic);
+        pairing::pair(
+            &config.pairing,
+            self.map_landmarks.iter().map(|m| &m.landmark),
+            &self.landmarks,
+            start,
+            usable,
+            &mut self.candidates,
+        );
+        hull_registration::pair_hulls(
+            &config.hulls,
+            |i| &self.map_landmarks[i].landmark,
+            &self.landmarks,
+            start,
+            &self.candidates,
+            &mut self.pairs,
+        );
+        let from = PlanarPose::from_pose(start);
+        let seed = 1 << 32 | u64::from(self.frame);
+        let (to, horizontal) = hull_registration::register(&config.hulls, seed, from, &self.pairs);
+        evidence.horizontal = horizontal;
+        preliminary_pose::with_planar(start, &from, &to)
+    }
+
+    /// Section 3.4.2, with the paper's zero roll.
+    fn with_vertical(&self, horizontal: &Pose, ground: &vertical::Ground) -> Pose {
+        let before = &self.motion.local_from_sensor;
+        let moved = before.inverse_transform_point(&horizontal.translation.vector.into());
+        let along = moved.x * ground.mean.slope_x + moved.y * ground.mean.slope_y;
+        let (_, pitch_before, _) = pose::roll_pitch_yaw(&before.rotation);
+        // Pitch is positive nose down; a road that bends upwards lifts the nose.
+        let pitch = pitch_before - ground.bend_rad * moved.x / ground.apart_m;
+        let yaw = PlanarPose::from_pose(horizontal).yaw;
+        let step = before * Point3::new(moved.x, moved.y, along);
+        let t = horizontal.translation.vector;
+        Pose::from_parts(Vector3::new(t.x, t.y, step.z).into(), pose::from_roll_pitch_yaw(0.0, pitch, yaw))
+    }
+
+    /// Dense refinement, from the better of two starts.
+    fn dense_pose(
+        &mut self,
+        predicted: &Pose,
+        start: &Pose,
+        evidence: &mut Evidence,
+    ) -> (Pose, FrameStatus, Matrix6<f32>) {
+        let config = self.config.precise_pose;
+        self.gather_source();
+        let path_m = self.motion.path_m;
+        let at =
+            |p: &Pose| dense::score(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, p);
+        let start = if at(predicted) >= at(start) { predicted } else { start };
+        let result = dense::register(
+            &config.dense,
+            &config.voxels,
+            &self.voxels,
+            path_m,
+            &self.source,
+            start,
+            &Vector6::zeros(),
+        );
+        evidence.dense = result.evidence;
+        let corrected_m = (result.local_from_sensor.translation.vector - start.translation.vector).norm();
+        let status = if result.evidence.inliers < config.dense.min_inliers {
+            FrameStatus::Predicted(Fallback::TooFewInliers)
+        } else if !(corrected_m <= config.dense.max_correction_m) || result.information.cholesky().is_none() {
+            FrameStatus::Predicted(Fallback::Degenerate)
+        } else {
+            return (result.local_from_sensor, FrameStatus::Registered, result.information);
+        };
+        (*predicted, status, Matrix6::zeros())
+    }
+
+    /// The cells that stand still: ground, pure static, and semi-static landmarks.
+    fn gather_source(&mut self) {
+        self.source.clear();
+        for cell in self.cells.cells() {
+            if let Some(group) = group_of(cell, &self.landmarks) {
+                // As many source points as cells fit.
+                let _ = self.source.push(SourcePoint { position: cell.mean(), group });
+            }
+        }
+    }
+
+    /// Takes the new pose over.
+    fn advance(&mut self, local_from_sensor: &Pose, period_s: f64, status: FrameStatus) {
+        let motion = &mut self.motion;
+        if self.frame > 0 {
+            motion.previous_from_current = compose(&motion.local_from_sensor.inverse(), local_from_sensor);
+            motion.period_s = period_s;
+            motion.path_m += motion.previous_from_current.translation.vector.norm();
+            motion.lost = if status == FrameStatus::Registered { 0 } else { motion.lost + 1 };
+        }
+        motion.local_from_sensor = *local_from_sensor;
+    }
+
+    fn extend_submap(&mut self) {
+        let config = &self.config.precise_pose;
+        let (pose, path_m) = (self.motion.local_from_sensor, self.motion.path_m);
+        if config.dense.enabled {
+            let rotation = *pose.rotation.to_rotation_matrix().matrix();
+            for cell in self.cells.cells() {
+                let Some(group) = group_of(cell, &self.landmarks) else { continue };
+                let mean = (pose * Point3::from(cell.mean())).coords;
+                let covariance = rotation * cell.covariance() * rotation.transpose();
+                self.voxels.merge(&config.voxels, group, path_m, &mean, &covariance, cell.count() as f32);
+            }
+        }
+        if config.horizontal {
+            let still = |l: &Landmark| matches!(l.state, MotionState::PureStatic | MotionState::SemiStatic);
+            self.evicted_landmarks += landmark_map::merge(
+                &mut self.map_landmarks,
+                &self.landmarks,
+                &pose,
+                path_m,
+                config.voxels.window_m,
+                still,
+            );
+        }
+    }
+
+    fn map_from_sensor(&self) -> MapPose {
+        let local: MapPose = self.motion.local_from_sensor.cast();
+        let [x, y, z] = self.motion.anchor_m;
+        Translation3::new(x, y, z) * local
+    }
+
+    /// Moves the origin of the local frame, and all that is written in it, when the vehicle is far from it.
+    fn keep_near_anchor(&mut self) {
+        let voxel_m = self.config.precise_pose.voxels.voxel_m;
+        let step = crate::math::floor_i32(ANCHOR_STEP_M / voxel_m).max(1);
+        let at = self.motion.local_from_sensor.translation.vector;
+        let voxels = [at.x, at.y, at.z].map(|v| (v / (step as f32 * voxel_m)) as i32 * step);
+        if voxels == [0; 3] {
+            return;
+        }
+        let by = Vector3::new(voxels[0] as f32, voxels[1] as f32, voxels[2] as f32) * voxel_m;
+        for k in 0..3 {
+            self.motion.anchor_m[k] += f64::from(by[k]);
+        }
+        self.motion.local_from_sensor.translation.vector -= by;
+        self.voxels.shift_anchor(voxels);
+        self.visibility.shift(&by);
+        landmark_map::shift(&mut self.map_landmarks, &by);
+        for track in &mut self.tracks {
+            track.shift(&by);
+        }
+    }
+
+    fn buffers(&self, landmarks_refused: u32, tracks_refused: u32, cells_refused: u32) -> BufferUse {
+        let (voxels, voxels_evicted) = self.voxels.usage();
+        BufferUse {
+            cells: self.cells.cells().len() as u32,
+            cells_refused,
+            landmarks: self.landmarks.len() as u32,
+            landmarks_refused: landmarks_refused + self.instances.refused(),
+            tracks: self.tracks.len() as u32,
+            tracks_refused,
+            voxels,
+            voxels_evicted,
+            submap_landmarks: self.map_landmarks.len() as u32,
+            submap_landmarks_evicted: self.evicted_landmarks,
+        }
+    }
+}
+
+/// The group in which a cell is registered; `None` for what may move and is not known to stand still.
+fn group_of(cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
+    match cell.class.motion() {
+        MotionClass::UnknownMotion => {
+            let state = landmarks.get(cell.landmark as usize)?.state;
+            (state == MotionState::SemiStatic).then_some(Group::Movable)
+        }
+        MotionClass::Dropped => None,
+        _ => Some(Group::of(cell.class)),
+    }
+}
+
+/// Product of two poses, with the rotation renormalised: products of products leave the unit sphere exponentially fast.
+fn compose(a: &Pose, b: &Pose) -> Pose {
+    let mut product = a * b;
+    product.rotation = UnitQuaternion::new_normalize(product.rotation.into_inner());
+    product
+}
+
+/// Residuals of neighbouring points err together; this many count as one independent one.
+const CORRELATED_POINTS: f32 = 20.0;
+
+/// Covariance in the sensor frame (x, y, z, roll, pitch, yaw) from the information in the local frame. A frame that was
+/// not registered gets 1 m and 0.1 rad.
+fn covariance(information: &Matrix6<f32>, local_from_sensor: &Pose) -> [[f32; 6]; 6] {
+    let Some(cholesky) = information.cholesky() else {
+        return core::array::from_fn(|i| {
+            core::array::from_fn(|j| {
+                if i != j {
+                    0.0
+                } else if i < 3 {
+                    1.0
+                } else {
+                    0.01
+                }
+            })
+        });
+    };
+    let mut sensor_from_local = Matrix6::zeros();
+    let rotation = local_from_sensor.rotation.inverse().to_rotation_matrix();
+    sensor_from_local.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
+    sensor_from_local.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
+    let covariance =
+        sensor_from_local * cholesky.inverse() * sensor_from_local.transpose() * CORRELATED_POINTS;
+    core::array::from_fn(|i| core::array::from_fn(|j| covariance[(i, j)]))
 }

@@ -10,6 +10,14 @@ pub type Pose = nalgebra::Isometry3<f32>;
 /// Six-degree-of-freedom rigid transform in double precision: poses in the map, which may be kilometres long.
 pub type MapPose = nalgebra::Isometry3<f64>;
 
+/// The transform that moves nothing, for statics.
+pub const IDENTITY: Pose = Pose {
+    rotation: nalgebra::Unit::new_unchecked(nalgebra::Quaternion {
+        coords: nalgebra::Vector4::new(0.0, 0.0, 0.0, 1.0),
+    }),
+    translation: nalgebra::Translation3 { vector: Vector3::new(0.0, 0.0, 0.0) },
+};
+
 /// Planar motion (section 3.2): translation [m] in x and y, rotation [rad] about z.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

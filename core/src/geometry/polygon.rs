@@ -1,0 +1,92 @@
+//! Convex polygons: area, intersection, and the measures of similarity of L-LO.
+
+use heapless::Vec;
+
+use crate::math;
+
+/// Most vertices of an intersection: those of both polygons.
+const CLIP_VERTICES: usize = 64;
+
+/// Area [m2] of a polygon by the shoelace formula; positive when counter-clockwise.
+pub fn area(polygon: &[[f32; 2]]) -> f32 {
+    // Relative to the first vertex: polygons are small and may be far from the origin.
+    let Some(o) = polygon.first() else { return 0.0 };
+    let d = |p: &[f32; 2]| [p[0] - o[0], p[1] - o[1]];
+    0.5 * polygon
+        .windows(2)
+        .map(|e| {
+            let (a, b) = (d(&e[0]), d(&e[1]));
+            a[0] * b[1] - a[1] * b[0]
+        })
+        .sum::<f32>()
+}
+
+/// Area [m2] of the intersection of two convex counter-clockwise polygons (eq. 1), by clipping `subject` at the
+/// edges of `clip` (Sutherland and Hodgman). At most 32 vertices each; those beyond are ignored.
+pub fn intersection_area(subject: &[[f32; 2]], clip: &[[f32; 2]]) -> f32 {
+    if subject.len() < 3 || clip.len() < 3 {
+        return 0.0;
+    }
+    let mut current: Vec<[f32; 2], CLIP_VERTICES> = subject.iter().copied().take(CLIP_VERTICES / 2).collect();
+    let mut next: Vec<[f32; 2], CLIP_VERTICES> = Vec::new();
+    let clip = &clip[..clip.len().min(CLIP_VERTICES / 2)];
+    for (i, a) in clip.iter().enumerate() {
+        let b = clip[(i + 1) % clip.len()];
+        let edge = [b[0] - a[0], b[1] - a[1]];
+        let side = |p: &[f32; 2]| edge[0] * (p[1] - a[1]) - edge[1] * (p[0] - a[0]);
+        next.clear();
+        let Some(mut from) = current.last().copied() else { return 0.0 };
+        let mut from_side = side(&from);
+        for to in &current {
+            let to_side = side(to);
+            if (from_side < 0.0) != (to_side < 0.0) {
+                let t = from_side / (from_side - to_side);
+                let cut = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
+                let _ = next.push(cut);
+            }
+            if to_side >= 0.0 {
+                let _ = next.push(*to);
+            }
+            (from, from_side) = (*to, to_side);
+        }
+        core::mem::swap(&mut current, &mut next);
+    }
+    area(&current).max(0.0)
+}
+
+fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {
+    math::sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]))
+}
+
+/// Symmetric Hausdorff distance [m] between two sets of vertices (L-LO eq. 6-8).
+pub fn hausdorff(a: &[[f32; 2]], b: &[[f32; 2]]) -> f32 {
+    let directed = |from: &[[f32; 2]], to: &[[f32; 2]]| {
+        let nearest = |p: &[f32; 2]| to.iter().map(|q| distance(*p, *q)).fold(f32::INFINITY, f32::min);
+        from.iter().map(nearest).fold(0.0, f32::max)
+    };
+    directed(a, b).max(directed(b, a))
+}
+
+/// Area under the turning function of a polygon (L-LO eq. 5): the accumulated exterior angle [rad] over the share of
+/// the perimeter, from the vertex with the smallest coordinates.
+pub fn turning_area(polygon: &[[f32; 2]]) -> f32 {
+    let n = polygon.len();
+    if n < 3 {
+        return 0.0;
+    }
+    let start = (0..n)
+        .min_by(|a, b| (polygon[*a][0] + polygon[*a][1]).total_cmp(&(polygon[*b][0] + polygon[*b][1])))
+        .unwrap_or(0);
+    let vertex = |i: usize| polygon[(start + i) % n];
+    let heading = |i: usize| {
+        let (a, b) = (vertex(i), vertex(i + 1));
+        math::atan2(b[1] - a[1], b[0] - a[0])
+    };
+    let perimeter: f32 = (0..n).map(|i| distance(vertex(i), vertex(i + 1))).sum();
+    let (mut angle, mut sum) = (0.0, 0.0);
+    for i in 0..n {
+        angle += math::wrap(heading(i) - heading(i + n - 1));
+        sum += angle * distance(vertex(i), vertex(i + 1)) / perimeter.max(f32::MIN_POSITIVE);
+    }
+    sum
+}

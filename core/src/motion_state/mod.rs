@@ -1,0 +1,107 @@
+//! Stage 5, section 3.3: motion states of landmarks whose class may move.
+//!
+//! One Kalman filter per landmark, fed with centres in the local map frame (eq. 3 and 4); mutual nearest neighbours of
+//! the same family; and a recognition rule: the paper's eq. 5, or, by default, one that also asks whether the space
+//! was seen to be free.
+
+pub mod recognition;
+pub mod tracker;
+pub mod visibility;
+
+use crate::error::ParameterError;
+
+/// Parameters of one group of classes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct ClassConfig {
+    /// Largest distance between a prediction and its landmark [m].
+    pub gate_m: f32,
+    /// Standard deviation of the acceleration [m/s2].
+    pub acceleration: f32,
+    /// `v_max` of eq. 5 [m/s].
+    pub max_velocity_difference: f32,
+    /// `d_max` of eq. 5 [m].
+    pub max_position_difference_m: f32,
+    /// Speed above which a landmark that shifts as a whole moves [m/s].
+    pub min_speed: f32,
+}
+
+/// Rule that tells dynamic from semi-static landmarks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "snake_case"))]
+pub enum Rule {
+    /// Eq. 5: differences of position and velocity between two frames.
+    Paper,
+    /// Free space and displacement over up to a second.
+    Evidence,
+}
+
+/// Parameters of the motion states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct Config {
+    /// Recognition rule.
+    pub rule: Rule,
+    /// Standard deviation of a centre's position near the sensor [m].
+    pub centre_noise_m: f32,
+    /// Its growth with range.
+    pub centre_noise_per_range: f32,
+    /// Frames that a track survives without its landmark.
+    pub max_misses: u32,
+    /// Landmarks seen before a track is called semi-static.
+    pub min_hits: u32,
+    /// Frames without evidence of motion before a dynamic track is called semi-static again.
+    pub calm_frames: u32,
+    /// Space counts as free when the sensor saw this much farther [m].
+    pub free_margin_m: f32,
+    /// Share of a landmark in free space that proves motion.
+    pub free_share: f32,
+    /// Share in free space that supports a displacement.
+    pub free_support: f32,
+    /// Persons, bicyclists, motorcyclists, bicycles, motorcycles.
+    pub person: ClassConfig,
+    /// Cars, trucks, other vehicles.
+    pub vehicle: ClassConfig,
+}
+
+impl Config {
+    /// Defaults.
+    pub const DEFAULT: Self = Self {
+        rule: Rule::Evidence,
+        centre_noise_m: 0.15,
+        centre_noise_per_range: 0.005,
+        max_misses: 4,
+        min_hits: 3,
+        calm_frames: 8,
+        free_margin_m: 0.4,
+        free_share: 0.5,
+        free_support: 0.15,
+        person: ClassConfig {
+            gate_m: 1.2,
+            acceleration: 2.0,
+            max_velocity_difference: 0.8,
+            max_position_difference_m: 0.25,
+            min_speed: 0.4,
+        },
+        vehicle: ClassConfig {
+            gate_m: 2.8,
+            acceleration: 3.0,
+            max_velocity_difference: 1.5,
+            max_position_difference_m: 0.4,
+            min_speed: 0.8,
+        },
+    };
+
+    /// Nothing but the paper.
+    pub const PAPER: Self = Self { rule: Rule::Paper, ..Self::DEFAULT };
+
+    pub(crate) const fn check(&self) -> Result<(), ParameterError> {
+        if !(self.centre_noise_m > 0.0) {
+            return Err(ParameterError { parameter: "motion_state.centre_noise_m", expected: "positive" });
+        }
+        if !(self.person.gate_m > 0.0 && self.vehicle.gate_m > 0.0) {
+            return Err(ParameterError { parameter: "motion_state.*.gate_m", expected: "positive" });
+        }
+        Ok(())
+    }
+}

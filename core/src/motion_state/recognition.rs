@@ -1,0 +1,95 @@
+//! Section 3.3.3: dynamic or semi-static.
+
+use super::tracker::{Snapshot, Track, class_config};
+use super::visibility::Visibility;
+use super::{Config, Rule};
+use crate::estimation::kalman::PlanarMotion;
+use crate::landmarks::MotionState;
+use crate::math;
+
+/// What speaks for motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Evidence {
+    /// Share of the surface that stands where the sensor looked through less than a second ago.
+    pub appeared: f32,
+    /// Share of the former surface that the sensor now looks through.
+    pub left: f32,
+    /// Speed at which both ends of the landmark shift the same way [m/s]; a changed view moves one end only.
+    pub shift_speed: f32,
+    /// Length of that shift [m].
+    pub shift_m: f32,
+    /// Eq. 5: difference of velocity between two frames [m/s].
+    pub velocity_difference: f32,
+    /// Eq. 5: difference of position between two frames [m].
+    pub position_difference_m: f32,
+}
+
+/// Ages [frames] of the images that are asked whether a place was free.
+const LOOK_BACK: [usize; 2] = [3, 8];
+
+impl Evidence {
+    /// Eq. 5's discrepancies: of velocity, and of position beyond where a thing at rest would be.
+    pub fn differences(before: &PlanarMotion, after: &PlanarMotion, tau: f32) -> Self {
+        let velocity = (after.velocity() - before.velocity()).norm();
+        // `before` is the prediction: its position minus the motion is where the centre was a frame ago.
+        let position = (after.position() - (before.position() - before.velocity() * tau)).norm();
+        Self { velocity_difference: velocity, position_difference_m: position, ..Self::default() }
+    }
+
+    /// Free space and displacement.
+    pub fn of(config: &Config, track: &Track, now: &Snapshot, visibility: &Visibility) -> Self {
+        let margin = config.free_margin_m;
+        let appeared = LOOK_BACK
+            .map(|age| visibility.free_share(age, &now.samples, margin))
+            .into_iter()
+            .fold(0.0, f32::max);
+        let mut evidence = Self { appeared, ..Self::default() };
+        for past in track.snapshots.iter().flatten() {
+            evidence.left = evidence.left.max(visibility.free_share(0, &past.samples, margin));
+        }
+        if let Some(past) = track.snapshots.iter().flatten().next().filter(|p| p.age > 0) {
+            let shift = [0, 1].map(|k| {
+                common_shift(past.extent[0][k], past.extent[1][k], now.extent[0][k], now.extent[1][k])
+            });
+            evidence.shift_m = math::sqrt(shift[0] * shift[0] + shift[1] * shift[1]);
+            evidence.shift_speed = evidence.shift_m / (0.1 * past.age as f32);
+        }
+        evidence
+    }
+}
+
+/// How far an interval moved as a whole: zero when its ends moved apart or together.
+fn common_shift(min_before: f32, max_before: f32, min_now: f32, max_now: f32) -> f32 {
+    let (low, high) = (min_now - min_before, max_now - max_before);
+    if low * high <= 0.0 {
+        0.0
+    } else if math::abs(low) < math::abs(high) {
+        low
+    } else {
+        high
+    }
+}
+
+/// Updates the state of a track.
+pub fn decide(config: &Config, track: &mut Track, evidence: &Evidence) {
+    let class = class_config(config, track.family);
+    let moves = match config.rule {
+        Rule::Paper => {
+            evidence.velocity_difference >= class.max_velocity_difference
+                || evidence.position_difference_m >= class.max_position_difference_m
+        }
+        Rule::Evidence => {
+            let free = evidence.appeared.max(evidence.left);
+            let displaced = evidence.shift_speed > class.min_speed && evidence.shift_m > 0.3;
+            free >= config.free_share || (displaced && free >= config.free_support)
+        }
+    };
+    track.calm = if moves { 0 } else { track.calm + 1 };
+    let calm_needed = if config.rule == Rule::Paper { 1 } else { config.calm_frames };
+    track.state = match track.state {
+        _ if moves => MotionState::Dynamic,
+        MotionState::Dynamic if track.calm < calm_needed => MotionState::Dynamic,
+        _ if track.hits >= config.min_hits => MotionState::SemiStatic,
+        _ => MotionState::Undecided,
+    };
+}

@@ -1,0 +1,3 @@
+//! Search without derivatives.
+
+pub mod pso;

@@ -1,0 +1,279 @@
+//! The dense part of the local submap: voxels that hold the distribution of the points seen in them.
+//!
+//! A set-associative store: a voxel has `WAYS` possible places, all in one bucket. Finding, adding and replacing
+//! cost the same however long the drive is. What is replaced first: a voxel outside the window, then the one seen
+//! longest ago.
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+use crate::error::ParameterError;
+use crate::math::floor_i32;
+use crate::scan::{MotionClass, SemanticClass};
+
+/// Places of a voxel.
+pub const WAYS: usize = 8;
+
+/// Groups of classes that may be registered with each other: labels inside a group are easily confused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+#[allow(missing_docs, reason = "plain words")]
+pub enum Group {
+    Ground = 1,
+    Structure,
+    Vegetation,
+    Thin,
+    Movable,
+}
+
+impl Group {
+    /// The group of a class that stands still.
+    pub const fn of(class: SemanticClass) -> Self {
+        use SemanticClass::*;
+        match class {
+            Building | Fence | OtherStructure | OtherObject => Self::Structure,
+            Vegetation => Self::Vegetation,
+            Trunk | Pole | TrafficSign => Self::Thin,
+            other => match other.motion() {
+                MotionClass::Ground => Self::Ground,
+                _ => Self::Movable,
+            },
+        }
+    }
+}
+
+/// What a voxel knows about a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Voxel {
+    /// Mean of the points [m], relative to the centre of the voxel.
+    mean: [f32; 3],
+    /// Covariance xx, xy, xz, yy, yz, zz [m2].
+    covariance: [f32; 6],
+    /// Weight of the points so far, bounded by `max_weight`.
+    weight: f32,
+    /// Weight when `information` was computed.
+    weight_at_information: f32,
+    /// Path driven [m] when last seen.
+    seen_at_m: f32,
+    /// Information about position across the surface xx, xy, xz, yy, yz, zz [1/m2]; zero while unknown.
+    information: [f32; 6],
+}
+
+impl Voxel {
+    const EMPTY: Self = Self {
+        mean: [0.0; 3],
+        covariance: [0.0; 6],
+        weight: 0.0,
+        weight_at_information: 0.0,
+        seen_at_m: f32::NEG_INFINITY,
+        information: [0.0; 6],
+    };
+
+    /// Information matrix of the position across the surface [1/m2].
+    #[inline]
+    pub fn information(&self) -> Matrix3<f32> {
+        symmetric(&self.information)
+    }
+
+    /// The voxel says something about position.
+    #[inline]
+    pub fn is_informative(&self) -> bool {
+        self.information != [0.0; 6]
+    }
+}
+
+fn symmetric(m: &[f32; 6]) -> Matrix3<f32> {
+    Matrix3::new(m[0], m[1], m[2], m[1], m[3], m[4], m[2], m[4], m[5])
+}
+
+fn packed(m: &Matrix3<f32>) -> [f32; 6] {
+    [m[(0, 0)], m[(0, 1)], m[(0, 2)], m[(1, 1)], m[(1, 2)], m[(2, 2)]]
+}
+
+/// Parameters of the submap's voxels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
+pub struct Config {
+    /// Side of a voxel [m].
+    pub voxel_m: f32,
+    /// A voxel is part of the submap for this much path after it was last seen [m].
+    pub window_m: f32,
+    /// Standard deviation of a range measurement [m].
+    pub noise_m: f32,
+    /// Points a voxel remembers; later ones displace earlier ones.
+    pub max_weight: f32,
+    /// Points before a voxel is used.
+    pub min_weight: f32,
+}
+
+impl Config {
+    /// Defaults.
+    pub const DEFAULT: Self =
+        Self { voxel_m: 1.0, window_m: 100.0, noise_m: 0.03, max_weight: 2000.0, min_weight: 8.0 };
+
+    pub(crate) const fn check(&self) -> Result<(), ParameterError> {
+        if !(self.voxel_m >= 0.1 && self.voxel_m <= 5.0) {
+            return Err(ParameterError { parameter: "precise_pose.voxels.voxel_m", expected: "0.1 to 5 m" });
+        }
+        if !(self.window_m > 0.0 && self.noise_m > 0.0 && self.max_weight >= 1.0) {
+            let parameter = "precise_pose.voxels.window_m, noise_m and max_weight";
+            return Err(ParameterError { parameter, expected: "positive, max_weight at least 1" });
+        }
+        Ok(())
+    }
+}
+
+/// The voxels: `SETS` (a power of two) buckets of [`WAYS`].
+///
+/// Invariant: a key is 0 (free) or unique in its bucket; lattice coordinates are absolute, metres are relative to
+/// the anchor, so that re-anchoring moves no voxel.
+pub struct VoxelMap<const SETS: usize> {
+    keys: [[u64; WAYS]; SETS],
+    voxels: [[Voxel; WAYS]; SETS],
+    anchor: [i32; 3],
+    used: u32,
+    evicted: u32,
+}
+
+impl<const SETS: usize> VoxelMap<SETS> {
+    /// An empty map.
+    pub const fn new() -> Self {
+        const { assert!(SETS.is_power_of_two(), "SETS must be a power of two") };
+        Self {
+            keys: [[0; WAYS]; SETS],
+            voxels: [[Voxel::EMPTY; WAYS]; SETS],
+            anchor: [0; 3],
+            used: 0,
+            evicted: 0,
+        }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.keys.fill([0; WAYS]);
+        (self.anchor, self.used, self.evicted) = ([0; 3], 0, 0);
+    }
+
+    /// Places ever used, and voxels replaced while still within the window.
+    pub fn usage(&self) -> (u32, u32) {
+        (self.used, self.evicted)
+    }
+
+    /// Moves the origin of the local frame by whole voxels.
+    pub fn shift_anchor(&mut self, voxels: [i32; 3]) {
+        for (a, v) in self.anchor.iter_mut().zip(voxels) {
+            *a += v;
+        }
+    }
+
+    /// Key, bucket and centre [m, local frame] of the voxel around a point of the local frame.
+    #[inline]
+    fn locate(
+        &self,
+        voxel_m: f32,
+        inverse: f32,
+        p: &Vector3<f32>,
+        group: Group,
+    ) -> (u64, usize, Vector3<f32>) {
+        let at = [floor_i32(p.x * inverse), floor_i32(p.y * inverse), floor_i32(p.z * inverse)];
+        let bits = |i: usize, mask: u64| (at[i].wrapping_add(self.anchor[i])) as u32 as u64 & mask;
+        let key =
+            (group as u64) << 60 | bits(0, 0x3F_FFFF) << 38 | bits(1, 0x3F_FFFF) << 16 | bits(2, 0xFFFF);
+        let set = (key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize & (SETS - 1);
+        let centre = Vector3::new(at[0] as f32 + 0.5, at[1] as f32 + 0.5, at[2] as f32 + 0.5) * voxel_m;
+        (key, set, centre)
+    }
+
+    /// The voxel around a point, if it is part of the submap and informative; with the mean of its points [m, local frame].
+    #[inline]
+    pub fn find(
+        &self,
+        config: &Config,
+        p: &Vector3<f32>,
+        group: Group,
+        path_m: f32,
+    ) -> Option<(&Voxel, Vector3<f32>)> {
+        let (key, set, centre) = self.locate(config.voxel_m, 1.0 / config.voxel_m, p, group);
+        let way = self.keys[set].iter().position(|k| *k == key)?;
+        let voxel = &self.voxels[set][way];
+        let usable = path_m - voxel.seen_at_m <= config.window_m && voxel.is_informative();
+        usable.then(|| (voxel, centre + Vector3::from(voxel.mean)))
+    }
+
+    /// Merges `count` points with the given mean [m] and covariance [m2] (local frame) into their voxel.
+    pub fn merge(
+        &mut self,
+        config: &Config,
+        group: Group,
+        path_m: f32,
+        mean: &Vector3<f32>,
+        covariance: &Matrix3<f32>,
+        count: f32,
+    ) {
+        let (key, set, centre) = self.locate(config.voxel_m, 1.0 / config.voxel_m, mean, group);
+        let way = self.claim(config, set, key, path_m);
+        let voxel = &mut self.voxels[set][way];
+        let total = voxel.weight + count;
+        let (old, new) = (voxel.weight / total, count / total);
+        let delta = mean - centre - Vector3::from(voxel.mean);
+        let spread = delta * delta.transpose() * (old * new);
+        let merged = symmetric(&voxel.covariance) * old + covariance * new + spread;
+        voxel.mean = (Vector3::from(voxel.mean) + delta * new).into();
+        voxel.covariance = packed(&merged);
+        voxel.weight = total.min(config.max_weight);
+        voxel.seen_at_m = path_m;
+        if total >= config.min_weight && total >= 1.25 * voxel.weight_at_information {
+            voxel.weight_at_information = voxel.weight;
+            voxel.information = information(config, group, merged);
+        }
+    }
+
+    /// The place of a key: its own, a free or outlived one, or that of the voxel seen longest ago.
+    fn claim(&mut self, config: &Config, set: usize, key: u64, path_m: f32) -> usize {
+        if let Some(way) = self.keys[set].iter().position(|k| *k == key) {
+            if path_m - self.voxels[set][way].seen_at_m > config.window_m {
+                self.voxels[set][way] = Voxel::EMPTY;
+            }
+            return way;
+        }
+        let way = match self.keys[set].iter().position(|k| *k == 0) {
+            Some(free) => {
+                self.used += 1;
+                free
+            }
+            None => {
+                let seen = |w: &usize| self.voxels[set][*w].seen_at_m;
+                let oldest = (0..WAYS).min_by(|a, b| seen(a).total_cmp(&seen(b))).unwrap_or(0);
+                if path_m - seen(&oldest) <= config.window_m {
+                    self.evicted += 1;
+                }
+                oldest
+            }
+        };
+        self.keys[set][way] = key;
+        self.voxels[set][way] = Voxel::EMPTY;
+        way
+    }
+}
+
+/// What a distribution of points says about the position of a surface.
+///
+/// Across a plane: the inverse of the variance. Along it: nothing. A single scan line on a plane looks like a rod and
+/// would seem to fix two directions; only upright rods (poles, trunks) are believed.
+fn information(config: &Config, group: Group, covariance: Matrix3<f32>) -> [f32; 6] {
+    let eigen = SymmetricEigen::new(covariance);
+    let mut order = [0, 1, 2];
+    order.sort_unstable_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
+    let value = order.map(|i| eigen.eigenvalues[i].max(0.0));
+    let axis = order.map(|i| eigen.eigenvectors.column(i).into_owned());
+    let noise2 = config.noise_m * config.noise_m;
+    let across = |k: usize| axis[k] * axis[k].transpose() / (value[k] + noise2);
+    let rod = value[1] < 0.1 * value[2] && value[1] < 0.02;
+    if rod {
+        let upright = axis[2].z * axis[2].z > 0.8;
+        return if upright && group != Group::Ground { packed(&(across(0) + across(1))) } else { [0.0; 6] };
+    }
+    if group == Group::Ground && axis[0].z * axis[0].z < 0.6 {
+        return [0.0; 6];
+    }
+    packed(&across(0))
+}
