@@ -39,8 +39,8 @@ impl Drive {
         let pace = Pace {
             cruise_mps: options.speed_mps,
             start_mps: options.start_speed_mps,
-            sideways_mps2: 2.4,
-            along_mps2: [1.3, 1.8],
+            sideways_mps2: 3.0,
+            along_mps2: [1.7, 2.2],
         };
         let table = TimeTable::new(&path, &pace, None);
         Self { route, path, table, ride: Ride::draw(options.seed), sensor: options.sensor.clone() }
@@ -111,9 +111,9 @@ impl Ride {
         let tremble = |k: usize| -> f64 {
             self.waves.iter().map(|(omega, phase, sizes)| sizes[k] * (omega * time_s + phase).sin()).sum()
         };
-        // A soft car: 0.25 deg of pitch and 0.35 deg of roll for each m/s2.
+        // A soft car: 0.25 deg of pitch, and as much of roll for each m/s2.
         let pitch = tremble(2) - 0.25f64.to_radians() * along_mps2;
-        let roll = tremble(1) + 0.35f64.to_radians() * sideways_mps2;
+        let roll = tremble(1) + 0.25f64.to_radians() * sideways_mps2;
         let rotation = UnitQuaternion::from_euler_angles(roll, pitch, 0.0);
         Isometry3::from_parts(Translation3::new(0.0, 0.0, tremble(0)), rotation)
     }

@@ -28,6 +28,8 @@ const TERRAIN: Cover = Cover { label: 72, reflectance: 0.36 };
 const KERB_M: f32 = 0.12;
 /// Width over which it rises [m].
 const KERB_WIDTH_M: f32 = 0.04;
+/// Distance of the hills [m].
+const HILL_SPACING_M: f32 = 120.0;
 /// Spacing of the tabulated relief [m].
 const CELL_M: f32 = 1.0;
 
@@ -62,7 +64,7 @@ impl Ground {
             let (i, j) = (k % size[0], k / size[0]);
             let q = Point2::new(f64::from(origin.x) + i as f64, f64::from(origin.y) + j as f64);
             let p = plan.plan_from_town(q);
-            [relief.height(q) as f32, p.x as f32, p.y as f32]
+            [relief.height(plan.town_from_plan(plan.level(p))) as f32, p.x as f32, p.y as f32]
         };
         let nodes = (0..size[0] * size[1]).map(node).collect();
         Self { plan: plan.clone(), relief, origin, size, nodes, seed: seed as u32 }
@@ -78,7 +80,7 @@ impl Ground {
     pub fn height(&self, q: Point2<f64>) -> f64 {
         let p = self.plan.plan_from_town(q);
         let place = self.plan.place(Point2::new(p.x as f32, p.y as f32));
-        self.relief.height(q) + f64::from(street_profile(&place))
+        self.relief.height(self.plan.town_from_plan(self.plan.level(p))) + f64::from(street_profile(&place))
     }
 
     /// Pose of a body that rests on the ground on four feet, this far from its middle along and across [m].
@@ -176,7 +178,10 @@ impl Ground {
         if place.outside_m < 0.0 {
             return road_cover(place);
         }
-        if place.outside_m < place.street.sidewalk_m || self.is_paved(p, place) { SIDEWALK } else { TERRAIN }
+        let verge_m = self.plan.block_at(p).map_or(0.0, |block| self.plan.style(block).verge_m);
+        let on_verge = (0.2..verge_m).contains(&place.outside_m) && place.from_crossing_m > 6.0;
+        let on_sidewalk = place.outside_m < place.street.sidewalk_m && !on_verge;
+        if on_sidewalk || self.is_paved(p, place) { SIDEWALK } else { TERRAIN }
     }
 
     /// Tufts and unevenness of grass [m]: value noise of two sizes.
@@ -224,17 +229,18 @@ fn street_profile(place: &Place) -> f32 {
 fn road_cover(place: &Place) -> Cover {
     let (street, lateral) = (&place.street, place.lateral_m.abs());
     let open = place.from_crossing_m;
-    let zebra = (place.crossing[0] * 7 + place.crossing[1] * 3) % 5 < 2;
+    let zebra = (place.crossing[0] * 7 + place.crossing[1] * 3) % 5 == 2;
     if open < 1.0 {
         return ROAD;
     }
     if zebra && open < 4.0 {
         return zebra_bar(lateral);
     }
-    if (4.3..4.7).contains(&open) && lateral < 3.4 {
+    let has_stop_line = (place.crossing[0] + place.crossing[1]) % 3 == 1;
+    if has_stop_line && (4.3..4.6).contains(&open) && lateral < 3.4 {
         return MARKING;
     }
-    if lateral < 0.07 && open > 6.0 && (place.along_m / 6.0).rem_euclid(1.0) < 0.5 {
+    if lateral < 0.06 && open > 6.0 && (place.along_m / 6.0).rem_euclid(1.0) < 0.34 {
         return MARKING;
     }
     let bay = lateral > street.half_width_m - street.parking_m;
@@ -267,16 +273,19 @@ impl Relief {
         };
         let waves = vec![wave(&mut random), wave(&mut random)];
         let mut hills = Vec::new();
-        let [columns, rows] = plan.size();
-        // A hill near every third crossing, so that a drive round any block climbs one.
-        for (i, j) in (0..columns).flat_map(|i| (0..rows).map(move |j| (i, j))) {
-            if (i + 2 * j) % 4 == 0 {
-                let middle = plan.crossing([i, j]);
-                let shift =
-                    Vector2::new(random.between(-12.0, 12.0), random.between(-12.0, 12.0)).cast::<f64>();
-                let height = f64::from(town.hill_m * random.between(0.6, 1.0));
-                hills.push((middle + shift, height, f64::from(random.between(30.0, 38.0))));
-            }
+        let [x0, x1, y0, y1] = plan.extent();
+        let middle = Point2::new(0.5 * (x0 + x1), 0.5 * (y0 + y1));
+        // One hill beside the middle of the town, where drives begin, and others around it.
+        let beside = Vector2::new(random.pick(&[-24.0, 24.0]), random.between(-24.0, 24.0));
+        let around = |length: f32| (0.5 * length / HILL_SPACING_M).ceil() as i32;
+        let (columns, rows) = (around(x1 - x0), around(y1 - y0));
+        for (i, j) in (-columns..=columns).flat_map(|i| (-rows..=rows).map(move |j| (i, j))) {
+            let shift = Vector2::new(random.between(-15.0, 15.0), random.between(-15.0, 15.0));
+            let shift = if (i, j) == (0, 0) { Vector2::zeros() } else { shift };
+            let at = middle + beside + shift + Vector2::new(i as f32, j as f32) * HILL_SPACING_M;
+            let height = if (i, j) == (0, 0) { 1.0 } else { random.between(0.5, 1.0) };
+            let width = f64::from(random.between(28.0, 34.0));
+            hills.push((at.cast::<f64>(), f64::from(town.hill_m * height), width));
         }
         Self { waves, hills }
     }

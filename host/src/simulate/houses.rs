@@ -45,7 +45,11 @@ struct House {
 pub fn build_up_block(site: &mut Site, block: [usize; 2], random: &mut Random) {
     let style = *site.plan.style(block);
     for side in sides(site, block, &style) {
-        build_up_side(site, &side, &style, random);
+        if style.has_houses {
+            build_up_side(site, &side, &style, random);
+        } else {
+            plant_park_edge(site, &side, random);
+        }
     }
     plant_yard(site, block, &style, random);
 }
@@ -192,18 +196,18 @@ fn add_front_parts(
 
 /// Hedge, fence, wall or nothing along the sidewalk, with a gate.
 fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut Random) {
-    let kind = random.below(5);
+    let kind = random.below(8);
     let gate = random.between(from + 1.0, (to - 2.2).max(from + 1.1));
-    let height = random.between(0.9, 1.5);
+    let height = random.between(0.9, 1.9);
     for [a, b] in [[from, gate], [gate + 1.2, to]] {
         let ends = [side.at(a, 0.35), side.at(b, 0.35)];
         match kind {
-            0 | 1 if site.options.vegetation > 0.0 => {
+            0..=3 if site.options.vegetation > 0.0 => {
                 let solids = plants::hedge(site.foot(ends[0]), site.foot(ends[1]), height, random);
                 site.solids.extend(solids);
             }
-            2 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
-            3 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
+            5 | 6 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
+            7 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
             _ => {}
         }
     }
@@ -230,7 +234,7 @@ fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f
 
 /// Bushes and small trees in a front garden.
 fn plant_front(site: &mut Site, side: &Side, house: &House, random: &mut Random) {
-    let count = (site.options.vegetation * random.between(1.0, 4.0)) as usize;
+    let count = (site.options.vegetation * random.between(2.0, 6.0)) as usize;
     for _ in 0..count {
         let radius = random.between(0.4, 0.9);
         let room = house.setback_m - 1.0;
@@ -264,12 +268,39 @@ fn fill_gap(site: &mut Site, side: &Side, [from, to]: [f32; 2], setback_m: f32, 
     }
 }
 
-/// Trees behind the houses.
+/// Hedges, bushes and trees along the edge of a park.
+fn plant_park_edge(site: &mut Site, side: &Side, random: &mut Random) {
+    let mut at = random.between(1.0, 3.0);
+    while at + 5.0 < side.length_m {
+        let inward = random.between(0.6, 4.0);
+        let foot = site.foot(side.at(at, inward));
+        match random.below(4) {
+            _ if site.options.vegetation == 0.0 => {}
+            0 => {
+                let to = site.foot(side.at(at + 4.0, inward));
+                site.solids.extend(plants::hedge(foot, to, random.between(0.7, 1.6), random));
+            }
+            1 => {
+                let radius = random.between(0.6, 1.4);
+                site.solids.extend(plants::bush(foot, radius, random));
+            }
+            _ => site.solids.extend(plants::tree(foot, random)),
+        }
+        at += random.between(3.0, 6.0) / site.options.vegetation.max(0.2);
+    }
+}
+
+/// Trees behind the houses, or all over a park.
 fn plant_yard(site: &mut Site, [i, j]: [usize; 2], style: &BlockStyle, random: &mut Random) {
     let (a, b) = (site.plan.crossing([i, j]), site.plan.crossing([i + 1, j + 1]));
-    let count = (site.options.vegetation * if style.setback_m > 2.0 { 4.0 } else { 1.0 }) as usize;
-    for _ in 0..count {
-        let share = Vector2::new(random.between(0.46, 0.54), random.between(0.46, 0.54)).cast::<f64>();
+    let (count, reach) = match style {
+        style if !style.has_houses => (16.0, 0.25),
+        style if style.setback_m > 2.0 => (4.0, 0.04),
+        _ => (1.0, 0.04),
+    };
+    for _ in 0..(site.options.vegetation * count) as usize {
+        let share = Vector2::new(random.between(-reach, reach), random.between(-reach, reach));
+        let share = share.add_scalar(0.5).cast::<f64>();
         let foot = site.foot(a + (b - a).component_mul(&share));
         site.solids.extend(plants::tree(foot, random));
     }

@@ -77,7 +77,7 @@ fn kerb(site: &Site, course: Course, line: usize, part: usize, forward: bool) ->
 fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
     let trees = kerb.block.is_some_and(|block| site.plan.style(block).avenue_trees);
     let tree_share =
-        if trees { 0.7 * site.options.vegetation.min(1.4) } else { 0.06 * site.options.vegetation };
+        if trees { 0.7 * site.options.vegetation.min(1.4) } else { 0.25 * site.options.vegetation };
     let mut at = random.between(5.0, 7.0);
     let mut number = random.below(3);
     while at < kerb.length_m - 5.0 {
@@ -87,16 +87,20 @@ fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
             _ if number % 3 == 0 => site.stand(&lamp(random), place, kerb.outward()),
             draw if draw < tree_share => {
                 let foot = site.foot(place);
-                site.solids.extend(plants::tree(foot, random));
+                site.solids.extend(plants::street_tree(foot, random));
             }
             draw if draw > 0.88 => site.stand(&sign(random), place, -kerb.along),
             draw if draw > 0.80 => {
                 site.stand(&bin(random), kerb.at(at, kerb.street.sidewalk_m - 0.25), kerb.along)
             }
-            draw if draw > 0.70 => park_bicycles(site, kerb, at, random),
+            draw if draw > 0.74 => park_bicycles(site, kerb, at, random),
+            draw if draw > 0.74 - 0.14 * site.options.vegetation => {
+                let foot = site.foot(place);
+                site.solids.extend(plants::bush(foot, random.between(0.25, 0.4), random));
+            }
             _ => {}
         }
-        at += random.between(6.0, 9.0);
+        at += random.between(5.0, 8.0);
     }
     if random.chance(0.7) {
         site.stand(&sign(random), kerb.at(kerb.length_m - 4.5, 0.4), -kerb.along);

@@ -41,7 +41,7 @@ use sdslam_core::MapPose;
 
 pub use error::SimulateError;
 pub use options::{Options, Route, SensorOptions, TownOptions, Traffic};
-pub use summary::{ClassShare, Summary};
+pub use summary::{ClassShare, ObjectCount, Summary};
 
 use drive::{Drive, SCAN_S};
 use layout::Layout;

@@ -195,9 +195,9 @@ impl Default for SensorOptions {
 impl Default for TownOptions {
     fn default() -> Self {
         Self {
-            blocks: [5, 5],
-            block_length_m: [44.0, 56.0],
-            hill_m: 3.5,
+            blocks: [7, 7],
+            block_length_m: [38.0, 44.0],
+            hill_m: 3.0,
             bend_m: 2.5,
             vegetation: 1.0,
             parked: 0.5,

@@ -35,6 +35,10 @@ pub struct BlockStyle {
     pub setback_m: f32,
     /// Width of the paved strip inside the sidewalk [m]; beyond it is grass.
     pub paved_m: f32,
+    /// Width of the grass between kerb and sidewalk [m], 0 = none.
+    pub verge_m: f32,
+    /// Whether there are houses; a block without is a park.
+    pub has_houses: bool,
     /// Storeys of an ordinary house.
     pub storeys: f32,
     /// Gap between neighbours [m].
@@ -99,7 +103,9 @@ impl Plan {
         let mut random = Random::keyed(seed, Domain::Plan, &[]);
         let avenues = draw_streets(town.blocks[0], town.block_length_m, &mut random);
         let streets = draw_streets(town.blocks[1], town.block_length_m, &mut random);
-        let styles = (0..town.blocks[0] * town.blocks[1]).map(|_| draw_style(&mut random)).collect();
+        let first = random.below(5);
+        let kind = |k: usize| Kind::ALL[(first + k / town.blocks[1] + 2 * (k % town.blocks[1])) % 5];
+        let styles = (0..town.blocks[0] * town.blocks[1]).map(|k| draw_style(kind(k), &mut random)).collect();
         let mut wave = || std::f64::consts::TAU / f64::from(random.between(130.0, 200.0));
         let bend = Bend {
             amplitude_m: f64::from(town.bend_m),
@@ -167,6 +173,16 @@ impl Plan {
         Some([slot(&self.avenues, p.x)?, slot(&self.streets, p.y)?])
     }
 
+    /// Draws a point of the plan towards the middle of the streets near it: a relief seen from there has hardly a
+    /// slope across the streets, and none at crossings.
+    pub fn level(&self, p: Point2<f64>) -> Point2<f64> {
+        let squeeze = |streets: &[Street], c: f64| {
+            let centre = f64::from(streets[nearest(streets, c as f32)].centre_m);
+            centre + flatten(c - centre)
+        };
+        Point2::new(squeeze(&self.avenues, p.x), squeeze(&self.streets, p.y))
+    }
+
     /// Where a point lies relative to the streets.
     pub fn place(&self, p: Point2<f32>) -> Place {
         let (i, j) = (nearest(&self.avenues, p.x), nearest(&self.streets, p.y));
@@ -195,6 +211,23 @@ fn nearest(streets: &[Street], c: f32) -> usize {
     }
 }
 
+/// A smooth odd function: small slope up to the edge of a road, the identity from some way into the block.
+fn flatten(offset_m: f64) -> f64 {
+    const SLOPE: f64 = 0.4;
+    const EDGES_M: [f64; 2] = [6.0, 17.0];
+    let (d, [low, high]) = (offset_m.abs(), EDGES_M);
+    if d <= low {
+        return SLOPE * offset_m;
+    }
+    if d >= high {
+        return offset_m;
+    }
+    let (t, width) = ((d - low) / (high - low), high - low);
+    let s = 1.0 - t;
+    let cubic = s * s * (1.0 + 2.0 * t) * SLOPE * low + t * t * (3.0 - 2.0 * t) * high;
+    (cubic + s * s * t * width * SLOPE - t * t * s * width).copysign(offset_m)
+}
+
 /// Signed distance to the kerb of two crossing streets whose corner is rounded.
 fn rounded_corner(ex: f32, ey: f32) -> f32 {
     if ex.max(ey) <= 0.0 || ex >= KERB_RADIUS_M || ey >= KERB_RADIUS_M {
@@ -214,18 +247,32 @@ fn draw_streets(blocks: usize, [short, long]: [f32; 2], random: &mut Random) -> 
             centre_m,
             half_width_m: 3.6 + parking_m,
             parking_m,
-            sidewalk_m: random.between(2.2, 3.2),
+            sidewalk_m: random.between(2.5, 3.6),
         });
         centre_m += gaps.get(k).copied().unwrap_or(0.0);
     }
     streets
 }
 
-fn draw_style(random: &mut Random) -> BlockStyle {
-    if random.chance(0.45) {
+/// What blocks are for; any two neighbours differ.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Centre,
+    Homes,
+    Park,
+}
+
+impl Kind {
+    const ALL: [Self; 5] = [Self::Centre, Self::Homes, Self::Park, Self::Homes, Self::Homes];
+}
+
+fn draw_style(kind: Kind, random: &mut Random) -> BlockStyle {
+    if kind == Kind::Centre {
         return BlockStyle {
             setback_m: random.between(0.2, 1.2),
             paved_m: 30.0,
+            verge_m: 0.0,
+            has_houses: true,
             storeys: random.between(3.0, 4.9),
             gap_m: 0.3,
             avenue_trees: random.chance(0.6),
@@ -234,9 +281,11 @@ fn draw_style(random: &mut Random) -> BlockStyle {
     BlockStyle {
         setback_m: random.between(2.5, 5.0),
         paved_m: random.between(0.0, 0.4),
+        verge_m: if random.chance(0.5) { 0.95 } else { 0.0 },
+        has_houses: kind == Kind::Homes,
         storeys: random.between(1.6, 2.9),
         gap_m: random.between(3.0, 6.0),
-        avenue_trees: random.chance(0.3),
+        avenue_trees: random.chance(0.45),
     }
 }
 
@@ -271,6 +320,14 @@ mod tests {
         assert!(plan.place(Point2::new(0.5 * (x + next), y + 20.0)).outside_m > 5.0);
         assert_eq!(plan.block_at(Point2::new(x + 1.0, y + 1.0)), Some([2, 2]));
         assert_eq!(plan.block_at(Point2::new(x - 1e4, y)), None);
+    }
+
+    #[test]
+    fn flattening_is_continuous_and_monotone() {
+        for k in -250..250 {
+            let [a, b] = [0.1 * f64::from(k), 0.1 * f64::from(k) + 0.1].map(flatten);
+            assert!(b > a && b - a < 0.19, "{k}: {a} {b}");
+        }
     }
 
     #[test]

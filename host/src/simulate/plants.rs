@@ -11,12 +11,23 @@ const LEAVES: Surface =
 const BARK: Surface =
     Surface { label: 71, instance: 0, reflectance: 0.28, finish: super::scene::Finish::Matte };
 
-/// A tree on the ground at `foot`: trunk, some branches, a crown of clumps.
+/// A tree in a garden or park: some have leaves from near the ground.
 pub fn tree(foot: Vec3, random: &mut Random) -> Vec<Solid> {
+    let crown_foot = if random.chance(0.4) { random.between(0.5, 1.3) } else { random.between(2.0, 3.0) };
+    let crown = Vec3::new(random.between(1.4, 2.6), random.between(1.6, 3.0), crown_foot);
+    grow(foot, crown, random)
+}
+
+/// A tree at the kerb: pruned so that people and cars pass below.
+pub fn street_tree(foot: Vec3, random: &mut Random) -> Vec<Solid> {
+    let crown = Vec3::new(random.between(1.2, 1.9), random.between(1.6, 3.0), random.between(2.2, 3.0));
+    grow(foot, crown, random)
+}
+
+/// Trunk, some branches, and a crown of clumps with this radius, half height and height of its foot [m].
+fn grow(foot: Vec3, crown: Vec3, random: &mut Random) -> Vec<Solid> {
+    let (crown_radius, crown_half, crown_foot) = (crown.x, crown.y, crown.z);
     let radius = random.between(0.10, 0.24);
-    let crown_foot = random.between(2.1, 3.2);
-    let crown_half = random.between(1.4, 2.6);
-    let crown_radius = random.between(1.3, 2.4);
     let lean = Vec3::new(random.between(-0.06, 0.06), random.between(-0.06, 0.06), 1.0);
     let fork = foot + lean * crown_foot;
     let middle = foot + lean * (crown_foot + 0.8 * crown_half);
@@ -100,6 +111,7 @@ mod tests {
         let foot = Vec3::new(3.0, 4.0, 1.0);
         for solids in [
             tree(foot, &mut random),
+            street_tree(foot, &mut random),
             bush(foot, 0.8, &mut random),
             hedge(foot, foot + Vec3::x() * 4.0, 1.4, &mut random),
         ] {

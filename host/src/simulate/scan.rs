@@ -1,5 +1,7 @@
 //! Takes one scan of the town.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Isometry3;
 use sdslam_core::MapPose;
 
@@ -20,8 +22,8 @@ pub struct Scan {
     pub points: Vec<[f32; 4]>,
     /// One label for each point.
     pub labels: Vec<u32>,
-    /// Actors with at least one point that moved at the time.
-    pub moving: Vec<u16>,
+    /// Instances that moved at the time and have at least one point, with their ids.
+    pub moving: BTreeMap<u16, u16>,
 }
 
 /// The world and the sensor in it.
@@ -66,7 +68,7 @@ impl Scanner<'_> {
         azimuth: f32,
         number: u64,
     ) {
-        if sensor::is_masked(azimuth.to_degrees(), laser.elevation_deg) {
+        if sensor::is_masked(azimuth.to_degrees(), laser) {
             return;
         }
         let (rise, reach) = laser.elevation_deg.to_radians().sin_cos();
@@ -78,14 +80,16 @@ impl Scanner<'_> {
         };
         let key = combine(combine(self.seed, Domain::Ray as u64), number);
         let Some(echo) = self.cast(sectors, &ray, key) else { return };
-        let Some(seen) = sensor::measure(self.sensor, ray.direction, &echo, &mut Random::hashed(key)) else {
+        let Some(seen) =
+            sensor::measure(self.sensor, laser.gain, ray.direction, &echo, &mut Random::hashed(key))
+        else {
             return;
         };
         let at = (direction * seen.range_m + lift).map(|c| (1000.0 * c).round() / 1000.0);
         scan.points.push([at.x, at.y, at.z, seen.remission]);
         scan.labels.push(u32::from(echo.surface.label) | u32::from(echo.surface.instance) << 16);
-        if echo.surface.label >= 252 && !scan.moving.contains(&echo.surface.instance) {
-            scan.moving.push(echo.surface.instance);
+        if echo.surface.label >= 252 {
+            scan.moving.insert(echo.surface.instance, echo.surface.label);
         }
     }
 

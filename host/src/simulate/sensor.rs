@@ -17,16 +17,23 @@ pub struct Laser {
     pub elevation_deg: f32,
     /// Height of its origin in the sensor frame [m].
     pub origin_m: f32,
+    /// Factor on its remissions: no two lasers are alike.
+    pub gain: f32,
+    /// What the own vehicle hides is shifted by this angle [deg]: the lasers sit side by side.
+    pub shadow_deg: f32,
 }
 
 /// The lasers from top to bottom: two blocks, 1/3 and 1/2 deg apart, mounted one above the other.
 pub fn lasers() -> [Laser; RINGS] {
     std::array::from_fn(|ring| {
-        if ring < 32 {
-            Laser { elevation_deg: 2.0 - ring as f32 / 3.0, origin_m: 0.20 }
+        let (elevation_deg, origin_m) = if ring < 32 {
+            (2.0 - ring as f32 / 3.0, 0.20)
         } else {
-            Laser { elevation_deg: -8.83 - 0.506 * (ring - 32) as f32, origin_m: 0.11 }
-        }
+            (-8.83 - 0.506 * (ring - 32) as f32, 0.11)
+        };
+        let spread = (2.4 * ring as f32).sin();
+        let gain = 1.0 + 0.15 * (5.3 * ring as f32).sin();
+        Laser { elevation_deg, origin_m, gain, shadow_deg: 2.5 * spread }
     })
 }
 
@@ -46,11 +53,11 @@ const OWN_VEHICLE: [Shadow; 4] = [
     Shadow { azimuth_deg: 136.0, half_width_deg: 4.0, below_deg: -20.0, widening: 0.0 },
 ];
 
-/// True if the own vehicle is in the way of a ray of this azimuth (from x to y) and elevation [deg].
-pub fn is_masked(azimuth_deg: f32, elevation_deg: f32) -> bool {
+/// True if the own vehicle is in the way of a ray of this laser at this azimuth (from x to y) [deg].
+pub fn is_masked(azimuth_deg: f32, laser: &Laser) -> bool {
     OWN_VEHICLE.iter().any(|shadow| {
-        let depth = shadow.below_deg - elevation_deg;
-        let off = (azimuth_deg - shadow.azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
+        let depth = shadow.below_deg - laser.elevation_deg;
+        let off = (azimuth_deg + laser.shadow_deg - shadow.azimuth_deg + 180.0).rem_euclid(360.0) - 180.0;
         depth > 0.0 && off.abs() < shadow.half_width_deg + shadow.widening * depth
     })
 }
@@ -65,7 +72,13 @@ pub struct Return {
 }
 
 /// Measures an echo; `None` if it is lost or out of range.
-pub fn measure(options: &SensorOptions, direction: Vec3, echo: &Echo, random: &mut Random) -> Option<Return> {
+pub fn measure(
+    options: &SensorOptions,
+    gain: f32,
+    direction: Vec3,
+    echo: &Echo,
+    random: &mut Random,
+) -> Option<Return> {
     let slant = echo.hit.normal.dot(&direction).abs().clamp(0.0, 1.0);
     let (true_m, reflectance) = through_glass(echo, random)?;
     if random.chance(loss(options, true_m, reflectance, slant)) {
@@ -75,7 +88,7 @@ pub fn measure(options: &SensorOptions, direction: Vec3, echo: &Echo, random: &m
     let blades = if echo.surface.label == TERRAIN { 0.015 * random.normal() } else { 0.0 };
     let range_m = true_m + options.range_noise_m * spread * random.normal() + blades;
     let seen = (options.min_range_m..options.max_range_m).contains(&range_m);
-    let remission = remission(echo.surface.finish, reflectance, slant, random);
+    let remission = remission(echo.surface.finish, gain * reflectance, slant, random);
     seen.then_some(Return { range_m, remission })
 }
 
@@ -90,7 +103,7 @@ fn through_glass(echo: &Echo, random: &mut Random) -> Option<(f32, f32)> {
     }
     match random.unit() {
         draw if draw < 0.45 => None,
-        draw if draw < 0.65 => Some((plain.0 + random.between(0.2, 1.4), 0.15)),
+        draw if draw < 0.60 => Some((plain.0 + random.between(0.2, 1.4), 0.15)),
         _ => Some((plain.0, 0.12)),
     }
 }
@@ -122,7 +135,7 @@ mod tests {
         let options = SensorOptions::default();
         let shoot = |k| {
             let random = &mut Random::keyed(3, Domain::Ray, &[k]);
-            measure(&options, Vec3::x(), &echo(range_m, reflectance), random)
+            measure(&options, 1.0, Vec3::x(), &echo(range_m, reflectance), random)
         };
         (0..4000).filter_map(shoot).collect()
     }
@@ -153,9 +166,10 @@ mod tests {
 
     #[test]
     fn own_vehicle_hides_only_low_rays() {
-        let hidden = |elevation| (0..360).filter(|a| is_masked(*a as f32, elevation)).count();
-        assert_eq!(hidden(-10.0), 0);
-        assert!((10..60).contains(&hidden(-18.0)));
-        assert!((80..170).contains(&hidden(-24.3)));
+        let lasers = lasers();
+        let hidden = |ring: usize| (0..360).filter(|a| is_masked(*a as f32, &lasers[ring])).count();
+        assert_eq!(hidden(40), 0);
+        assert!((10..60).contains(&hidden(50)), "{}", hidden(50));
+        assert!((80..170).contains(&hidden(63)), "{}", hidden(63));
     }
 }

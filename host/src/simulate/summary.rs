@@ -1,6 +1,6 @@
 //! What a simulated drive contains.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use sdslam_core::MapPose;
 use serde::Serialize;
@@ -22,6 +22,8 @@ pub struct Summary {
     pub classes: Vec<ClassShare>,
     /// Number of things that were seen moving.
     pub moving_objects: usize,
+    /// Number of those by SemanticKITTI id, by id.
+    pub moving_by_id: Vec<ObjectCount>,
 }
 
 /// Share of one class.
@@ -33,11 +35,20 @@ pub struct ClassShare {
     pub share: f64,
 }
 
+/// Number of things of one class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct ObjectCount {
+    /// SemanticKITTI id.
+    pub id: u16,
+    /// How many.
+    pub objects: usize,
+}
+
 /// Counts of one scan.
 #[derive(Debug)]
 pub struct ScanCounts {
     points: BTreeMap<u16, u64>,
-    moving: Vec<u16>,
+    moving: BTreeMap<u16, u16>,
 }
 
 impl ScanCounts {
@@ -55,7 +66,7 @@ impl ScanCounts {
 #[derive(Debug, Default)]
 pub struct Counts {
     points: BTreeMap<u16, u64>,
-    moving: BTreeSet<u16>,
+    moving: BTreeMap<u16, u16>,
 }
 
 impl Counts {
@@ -65,6 +76,14 @@ impl Counts {
             *self.points.entry(id).or_insert(0) += count;
         }
         self.moving.extend(scan.moving);
+    }
+
+    fn moving_by_id(&self) -> Vec<ObjectCount> {
+        let mut counts = BTreeMap::new();
+        for id in self.moving.values() {
+            *counts.entry(*id).or_insert(0) += 1;
+        }
+        counts.into_iter().map(|(id, objects)| ObjectCount { id, objects }).collect()
     }
 
     /// The summary of a drive with these poses.
@@ -82,6 +101,7 @@ impl Counts {
             points_per_scan: all as f64 / town_from_sensor.len().max(1) as f64,
             classes: self.points.iter().map(share).collect(),
             moving_objects: self.moving.len(),
+            moving_by_id: self.moving_by_id(),
         }
     }
 }

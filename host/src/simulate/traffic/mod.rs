@@ -72,9 +72,9 @@ impl Crowd {
             vehicles::add_leader(&mut cast, &mut random);
         }
         (0..tries(RATES.crossers)).for_each(|_| people::add_crosser(&mut cast, &mut random));
+        (0..tries(RATES.cyclists)).for_each(|_| vehicles::add_cyclist(&mut cast, &mut random));
         (0..tries(RATES.sharing)).for_each(|_| vehicles::add_sharing(&mut cast, &mut random));
         (0..tries(RATES.through)).for_each(|_| vehicles::add_through(&mut cast, &mut random));
-        (0..tries(RATES.cyclists)).for_each(|_| vehicles::add_cyclist(&mut cast, &mut random));
         (0..tries(RATES.walkers)).for_each(|_| people::add_walker(&mut cast, &mut random));
         (0..tries(RATES.standing)).for_each(|_| people::add_standing(&mut cast, &mut random));
         Self { actors: cast.actors }

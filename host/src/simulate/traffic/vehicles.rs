@@ -77,7 +77,7 @@ fn offer_route(
     random: &mut Random,
 ) {
     let Some(path) = lane(&cast.town.plan, nodes, f64::from(LANE_M)) else { return };
-    let kind = if random.chance(0.08) {
+    let kind = if random.chance(0.05) {
         Kind::Truck(random.between(5.5, 8.0))
     } else {
         Kind::Car(Car::draw(random))
