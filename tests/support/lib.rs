@@ -3,5 +3,6 @@
 pub mod drive;
 pub mod odometry;
 pub mod simulated;
+pub mod stages;
 pub mod street;
 pub mod world;
