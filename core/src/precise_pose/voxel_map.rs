@@ -109,7 +109,7 @@ pub struct Config {
 impl Config {
     /// Defaults.
     pub const DEFAULT: Self =
-        Self { voxel_m: 1.0, window_m: 100.0, noise_m: 0.03, max_weight: 2000.0, min_weight: 8.0 };
+        Self { voxel_m: 1.0, window_m: 60.0, noise_m: 0.03, max_weight: 2000.0, min_weight: 8.0 };
 
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if !(self.voxel_m >= 0.1 && self.voxel_m <= 5.0) {
