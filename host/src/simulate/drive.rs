@@ -190,6 +190,10 @@ mod tests {
                 assert!(change.translation.vector.norm() / (SCAN_S * SCAN_S) < 5.0, "{change:?}");
                 assert!(change.rotation.angle().to_degrees() < 1.2, "{change:?}");
             }
+            for pose in &poses {
+                let (roll, pitch, _) = pose.rotation.euler_angles();
+                assert!(roll.to_degrees().abs() < 5.0 && pitch.to_degrees().abs() < 9.0, "{roll} {pitch}");
+            }
             for step in steps {
                 assert!(step.translation.x > 0.2 && step.translation.x < 1.1, "{step:?}");
             }

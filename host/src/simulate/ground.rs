@@ -221,7 +221,7 @@ fn narrow(
 /// Height of the street's surface above the relief [m]: crown, gutter, kerb.
 fn street_profile(place: &Place) -> f32 {
     if place.outside_m < 0.0 {
-        return 0.02 * (-place.outside_m).min(4.0) - 0.08;
+        return 0.01 * (-place.outside_m).min(2.5) - 0.08;
     }
     (place.outside_m / KERB_WIDTH_M).min(1.0) * KERB_M - 0.08
 }

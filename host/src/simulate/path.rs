@@ -326,7 +326,7 @@ mod tests {
     fn accelerations_stay_within_the_pace() {
         let (_, path) = round_a_block();
         let table = TimeTable::new(&path, &PACE, None);
-        let dt = 0.1;
+        let dt = 0.5;
         let end_s = table.time_s(path.length_m());
         let speed = |t: f64| table.at(t).expect("on the path").1;
         for k in 1..(end_s / dt) as usize - 1 {

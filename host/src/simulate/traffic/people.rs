@@ -60,7 +60,7 @@ pub fn add_walker(cast: &mut Casting, random: &mut Random) {
     let Some(side) = Sidewalk::near(cast, random) else { return };
     let outside = side.clear_offset(random);
     let path =
-        Path::along_line(&cast.town.plan, &[side.at(1.5, outside), side.at(side.length_m() - 1.5, outside)]);
+        Path::along_line(&cast.town.plan, &[side.at(4.0, outside), side.at(side.length_m() - 4.0, outside)]);
     offer_pacing(cast, path, 1.0, random);
 }
 
