@@ -89,7 +89,7 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
             setback_m,
             depth_m: (side.depth_m - setback_m).min(random.between(8.0, 11.0)),
             storeys: style.storeys + random.between(-0.5, 0.5),
-            reflectance: random.between(0.25, 0.55),
+            reflectance: random.between(0.32, 0.72),
         };
         if random.chance(0.94) {
             build_house(site, side, &house, random);

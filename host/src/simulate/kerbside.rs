@@ -84,7 +84,7 @@ fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
         number += 1;
         let place = kerb.at(at, 0.45);
         match random.unit() {
-            _ if number % 3 == 0 => site.stand(&lamp(random), place, kerb.outward()),
+            _ if number.is_multiple_of(3) => site.stand(&lamp(random), place, kerb.outward()),
             draw if draw < tree_share => {
                 let foot = site.foot(place);
                 site.solids.extend(plants::street_tree(foot, random));
