@@ -147,7 +147,8 @@ impl Ground {
             self.sample(at.x, at.y).map(|node| node[0])
         });
         let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), z| (l.min(z), h.max(z)));
-        (low - 0.3, high + 0.35)
+        // Gutters and hollows below the relief, kerbs and tufts above it.
+        (low - 0.13, high + 0.14)
     }
 
     fn sample(&self, x: f32, y: f32) -> Option<[f32; 3]> {
