@@ -445,7 +445,7 @@ fn deskewing_makes_a_real_map_crisper() {
             let motion = poses[frame.saturating_sub(1)].inv_mul(&poses[frame.max(1)]);
             let motion = [motion.inverse(), MapPose::identity(), motion][(sign + 1) as usize];
             let mut points = sequence.read(frame).expect("a scan").points;
-            dataset::correct_elevation(&mut points);
+            dataset::correct_elevation(&mut points, dataset::ELEVATION_CORRECTION_DEG);
             dataset::deskew(&mut points, &motion);
             let bytes: Vec<u8> = points.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
             fs::write(copy.join(format!("velodyne/{frame:06}.bin")), bytes).expect("written");

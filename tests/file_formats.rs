@@ -214,7 +214,7 @@ fn labels_keep_class_and_instance() {
 fn elevation_correction_turns_points_up() {
     let mut points = [[10.0, 0.0, 0.0, 0.1], [0.0, -20.0, -1.0, 0.2], [0.0, 0.0, 5.0, 0.3], [f32::NAN; 4]];
     let before = points;
-    dataset::correct_elevation(&mut points);
+    dataset::correct_elevation(&mut points, dataset::ELEVATION_CORRECTION_DEG);
     let elevation = |p: [f32; 4]| f64::from(p[2]).atan2(f64::from(p[0]).hypot(f64::from(p[1]))).to_degrees();
     let range = |p: [f32; 4]| p[..3].iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
     for (now, was) in points.into_iter().zip(before).take(2) {

@@ -1,7 +1,8 @@
 //! What the core says about a frame: the pose and the evidence for it.
 
 use crate::landmarks::MotionState;
-use crate::pose::MapPose;
+use crate::motion_state::recognition::MotionCues;
+use crate::pose::{MapPose, PlanarPose};
 use crate::scan::SemanticClass;
 
 /// The answer to one scan.
@@ -102,6 +103,8 @@ pub enum LandmarkInput {
 pub struct HullEvidence {
     /// Which landmarks were used.
     pub input: LandmarkInput,
+    /// Planar pose found: of the sensor in the previous scan (section 3.2) or in the submap's frame (section 3.4.1).
+    pub pose: PlanarPose,
     /// Landmark pairs.
     pub pairs: u32,
     /// Weighted overlap reached, 0..1 of the possible.
@@ -215,6 +218,10 @@ pub struct TrackReport {
     pub velocity: [f32; 2],
     /// Index of its landmark in this frame, `None` while the track coasts.
     pub landmark: Option<u16>,
+    /// Landmarks associated so far.
+    pub hits: u32,
+    /// What spoke for or against motion in this frame.
+    pub evidence: MotionCues,
 }
 
 /// The stages of one frame, in the order of the paper.

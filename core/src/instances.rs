@@ -8,7 +8,7 @@
 use heapless::Vec;
 use heapless::index_map::FnvIndexMap;
 
-use crate::clustering::dbscan::{self, Columns};
+use crate::clustering::dbscan::{self, Scratch};
 use crate::error::ParameterError;
 use crate::math::{self, floor_i32};
 use crate::pose::Pose;
@@ -157,7 +157,7 @@ pub struct Instance {
 /// Instances of a scan, and the memory to find them.
 pub struct Instances<const CELLS: usize, const INSTANCES: usize> {
     members: Vec<dbscan::Point, CELLS>,
-    columns: Columns,
+    scratch: Scratch<CELLS>,
     /// Instance of (cluster, tile).
     tiles: FnvIndexMap<(u16, i16, i16), u16, INSTANCES>,
     found: Vec<Instance, INSTANCES>,
@@ -169,7 +169,7 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
     pub const fn new() -> Self {
         Self {
             members: Vec::new(),
-            columns: Columns::new(),
+            scratch: Scratch::new(),
             tiles: FnvIndexMap::new(),
             found: Vec::new(),
             refused: 0,
@@ -215,7 +215,7 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
             let _ = self.members.push(dbscan::Point::new(mean.into(), radius, cell.count(), id as u16));
         }
         let class = config.of(family);
-        dbscan::cluster(&mut self.members, &mut self.columns, class.radius_m.max(0.5), class.min_points);
+        dbscan::cluster(&mut self.members, &mut self.scratch, class.radius_m, class.min_points);
         self.tiles.clear();
         for i in 0..self.members.len() {
             let member = self.members[i];

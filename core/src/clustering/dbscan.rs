@@ -4,14 +4,14 @@
 //! is at most the smaller of their radii; a point is a core point when the weights of its neighbours, itself included,
 //! reach the minimum. Border points join the cluster of their nearest core point.
 
-use heapless::VecView;
+use heapless::Vec;
 
 use crate::math::floor_i32;
 
 /// Cluster of a point that belongs to none.
 pub const NOISE: u16 = u16::MAX;
 
-/// A point to cluster, and the memory of the algorithm for it.
+/// A point to cluster.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Position [m].
@@ -24,9 +24,12 @@ pub struct Point {
     pub id: u16,
     /// Result: cluster, or [`NOISE`].
     pub cluster: u16,
-    column: [i16; 2],
+    /// Column x, y and height z of its cube in the search grid.
+    cube: [i16; 3],
+    /// In the first point of a column: first point of the next column in the same bucket.
     next: u16,
-    parent: u16,
+    /// In the first point of a column: a core point of the one tree that holds all its core points, or [`NOISE`].
+    tree: u16,
     core: bool,
 }
 
@@ -39,172 +42,234 @@ impl Point {
             weight,
             id,
             cluster: NOISE,
-            column: [0; 2],
+            cube: [0; 3],
             next: NOISE,
-            parent: NOISE,
+            tree: NOISE,
             core: false,
         }
     }
 }
 
-/// Buckets of the hashed grid of columns.
-const BUCKETS: usize = 4096;
+/// Buckets of the hashed grid.
+const BUCKETS: usize = 8192;
 
-/// A hashed grid of vertical columns: the first point of each bucket.
-pub struct Columns {
+/// Memory of the search: a hashed grid of cubes, and the forest that joins core points (as long as the points).
+pub struct Scratch<const N: usize> {
     first: [u16; BUCKETS],
+    parents: Vec<u16, N>,
 }
 
-impl Columns {
-    /// An empty grid.
+impl<const N: usize> Scratch<N> {
+    /// Nothing in it.
     pub const fn new() -> Self {
-        Self { first: [NOISE; BUCKETS] }
+        Self { first: [NOISE; BUCKETS], parents: Vec::new() }
     }
 }
 
-impl Default for Columns {
+impl<const N: usize> Default for Scratch<N> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-fn bucket(column: [i16; 2]) -> usize {
-    let key = (column[0] as u16 as u32) << 16 | column[1] as u16 as u32;
-    (key.wrapping_mul(0x9E37_79B1) >> 20) as usize & (BUCKETS - 1)
+#[inline]
+fn bucket(x: i16, y: i16) -> usize {
+    let key = (x as u16 as u32) << 16 | y as u16 as u32;
+    (key.wrapping_mul(0x9E37_79B1) >> 16) as usize & (BUCKETS - 1)
 }
 
-/// Clusters `points` (at most 65534); gives the number of clusters. `column_m` is the side of the search grid [m],
+/// Clusters `points` (at most `N` and 65534), which are reordered; gives the number of clusters. `cube_m` is the side of the search grid [m],
 /// best near the typical radius; it has no influence on the result.
-pub fn cluster(points: &mut VecView<Point>, columns: &mut Columns, column_m: f32, min_weight: u32) -> u16 {
-    build(points, columns, column_m);
+pub fn cluster<const N: usize>(
+    points: &mut [Point],
+    scratch: &mut Scratch<N>,
+    cube_m: f32,
+    min_weight: u32,
+) -> u16 {
+    let grid = Grid::build(points, &mut scratch.first, cube_m);
     for i in 0..points.len() {
-        let mut weight = 0;
-        for_neighbours(points, columns, column_m, i, |j, _| {
-            weight += points[j].weight;
-            weight < min_weight
-        });
+        let mut weight = points[i].weight;
+        if weight < min_weight {
+            weight = 0;
+            grid.for_neighbours(points, i, |j, _| {
+                weight += points[j].weight;
+                weight < min_weight
+            });
+        }
         points[i].core = weight >= min_weight;
     }
-    join_cores(points, columns, column_m);
-    attach_borders(points, columns, column_m);
-    number(points)
+    let parents = &mut scratch.parents;
+    parents.clear();
+    parents.extend((0..points.len().min(N)).map(|i| i as u16));
+    join_cores(points, &grid, parents);
+    attach_borders(points, &grid, parents);
+    number(points, parents)
 }
 
-fn build(points: &mut VecView<Point>, columns: &mut Columns, column_m: f32) {
-    columns.first.fill(NOISE);
-    for i in 0..points.len() {
-        let [x, y, _] = points[i].position;
-        let column = [floor_i32(x / column_m) as i16, floor_i32(y / column_m) as i16];
-        let first = &mut columns.first[bucket(column)];
-        let point = &mut points[i];
-        (point.column, point.next, point.parent, point.cluster) = (column, *first, i as u16, NOISE);
-        *first = i as u16;
+/// The points, sorted by column and height, so that a search runs along memory.
+struct Grid<'a> {
+    first: &'a [u16; BUCKETS],
+    per_metre: f32,
+}
+
+impl<'a> Grid<'a> {
+    fn build(points: &mut [Point], first: &'a mut [u16; BUCKETS], cube_m: f32) -> Self {
+        first.fill(NOISE);
+        let per_metre = 1.0 / cube_m;
+        for point in points.iter_mut() {
+            point.cube = point.position.map(|v| floor_i32(v * per_metre) as i16);
+        }
+        points.sort_unstable_by_key(|p| (p.cube, p.id));
+        for i in 0..points.len() {
+            let [x, y, _] = points[i].cube;
+            if i == 0 || points[i - 1].cube[..2] != [x, y] {
+                let head = &mut first[bucket(x, y)];
+                points[i].next = *head;
+                *head = i as u16;
+            }
+        }
+        Self { first, per_metre }
     }
-}
 
-/// Calls `visit(neighbour, squared distance)` for the neighbours of point `i`, itself included, until it says `false`.
-#[inline]
-fn for_neighbours(
-    points: &VecView<Point>,
-    columns: &Columns,
-    column_m: f32,
-    i: usize,
-    mut visit: impl FnMut(usize, f32) -> bool,
-) {
-    let point = &points[i];
-    let [x, y, _] = point.position;
-    let low = [x - point.radius, y - point.radius].map(|v| floor_i32(v / column_m) as i16);
-    let high = [x + point.radius, y + point.radius].map(|v| floor_i32(v / column_m) as i16);
-    for cx in low[0]..=high[0] {
-        for cy in low[1]..=high[1] {
-            let mut j = columns.first[bucket([cx, cy])];
-            while j != NOISE {
-                let other = &points[j as usize];
-                // Different columns may share a bucket.
-                if other.column == [cx, cy] {
-                    let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
-                    let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                    let radius = point.radius.min(other.radius);
-                    if distance2 <= radius * radius && !visit(j as usize, distance2) {
+    /// Points of a column, and index of the first of them.
+    #[inline]
+    fn column<'p>(&self, points: &'p [Point], x: i16, y: i16) -> (usize, &'p [Point]) {
+        let mut at = self.first[bucket(x, y)];
+        while let Some(point) = points.get(at as usize) {
+            if point.cube[..2] == [x, y] {
+                return (at as usize, &points[at as usize..]);
+            }
+            at = point.next;
+        }
+        (0, &[])
+    }
+
+    /// Columns and heights that the neighbourhood of a point touches: smallest and largest cube.
+    #[inline]
+    fn reach(&self, point: &Point) -> ([i16; 3], [i16; 3]) {
+        let cube =
+            |sign: f32| point.position.map(|v| floor_i32((v + sign * point.radius) * self.per_metre) as i16);
+        (cube(-1.0), cube(1.0))
+    }
+
+    /// Calls `visit(neighbour, squared distance)` for the neighbours of point `i`, itself included, until it says `false`.
+    #[inline]
+    fn for_neighbours(&self, points: &[Point], i: usize, mut visit: impl FnMut(usize, f32) -> bool) {
+        let (low, high) = self.reach(&points[i]);
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                let (start, column) = self.column(points, x, y);
+                for (offset, distance2) in within(column, &points[i], low[2], high[2]) {
+                    if !visit(start + offset, distance2) {
                         return;
                     }
                 }
-                j = other.next;
             }
         }
     }
 }
 
-/// Root of a point's set; shortens the way for the next time.
-fn root(parents: &mut VecView<Point>, i: usize) -> usize {
+/// The points at the start of `column` that share its cube's x and y, lie between two heights, and are neighbours of
+/// `point`: offset and squared distance.
+#[inline]
+fn within(column: &[Point], point: &Point, low: i16, high: i16) -> impl Iterator<Item = (usize, f32)> {
+    let of = column.first().map_or([0; 3], |p| p.cube);
+    let same = move |p: &&Point| p.cube[0] == of[0] && p.cube[1] == of[1] && p.cube[2] <= high;
+    column.iter().take_while(same).enumerate().filter(move |(_, p)| p.cube[2] >= low).filter_map(
+        move |(offset, other)| {
+            let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
+            let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            let radius = point.radius.min(other.radius);
+            (distance2 <= radius * radius).then_some((offset, distance2))
+        },
+    )
+}
+
+/// Root of a point's tree; shortens the way for the next time.
+fn root(parents: &mut [u16], i: usize) -> usize {
     let mut at = i;
-    while parents[at].parent as usize != at {
-        let up = parents[at].parent as usize;
-        parents[at].parent = parents[up].parent;
-        at = up;
+    while parents[at] as usize != at {
+        parents[at] = parents[parents[at] as usize];
+        at = parents[at] as usize;
     }
     at
 }
 
-fn join_cores(points: &mut VecView<Point>, columns: &Columns, column_m: f32) {
-    for i in 0..points.len() {
-        if !points[i].core {
-            continue;
+/// Joins neighbouring core points, column by column. A finished column whose core points are all in one tree is joined
+/// as one: what is in its tree already need not look at it again, what is not needs one neighbour in it.
+fn join_cores(points: &mut [Point], grid: &Grid<'_>, parents: &mut [u16]) {
+    let mut start = 0;
+    while start < points.len() {
+        let [x, y, _] = points[start].cube;
+        let length = points[start..].iter().take_while(|p| p.cube[0] == x && p.cube[1] == y).count();
+        for i in start..start + length {
+            if points[i].core {
+                join(points, grid, parents, start, i);
+            }
         }
-        // The neighbours are gathered in small batches: visiting borrows the points that joining changes.
-        let mut from = 0;
-        loop {
-            let mut batch: heapless::Vec<u16, 64> = heapless::Vec::new();
-            let mut seen = 0usize;
-            for_neighbours(points, columns, column_m, i, |j, _| {
-                if j < i && points[j].core {
-                    seen += 1;
-                    if seen > from {
-                        return batch.push(j as u16).is_ok() && batch.len() < batch.capacity();
+        let mut roots = (start..start + length).filter(|i| points[*i].core).map(|i| root(parents, i));
+        let first = roots.next();
+        points[start].tree = first.filter(|f| roots.all(|r| r == *f)).map_or(NOISE, |f| f as u16);
+        start += length;
+    }
+}
+
+/// Joins core point `i` of the column that begins at `own_start` with its neighbours before it.
+fn join(points: &[Point], grid: &Grid<'_>, parents: &mut [u16], own_start: usize, i: usize) {
+    let (low, high) = grid.reach(&points[i]);
+    let mut own = root(parents, i);
+    for x in low[0]..=points[i].cube[0] {
+        for y in low[1]..=high[1] {
+            let (start, column) = grid.column(points, x, y);
+            if column.is_empty() || start > own_start {
+                continue;
+            }
+            let column = if start == own_start { &points[start..i] } else { column };
+            let tree = if start == own_start { NOISE } else { points[start].tree };
+            if tree != NOISE && root(parents, tree as usize) == own {
+                continue;
+            }
+            for (offset, _) in within(column, &points[i], low[2], high[2]) {
+                if points[start + offset].core {
+                    let other = root(parents, start + offset);
+                    // The smaller index is the root: the result does not depend on the order of joining.
+                    parents[own.max(other)] = own.min(other) as u16;
+                    own = own.min(other);
+                    if tree != NOISE {
+                        break;
                     }
                 }
-                true
-            });
-            for j in &batch {
-                let (a, b) = (root(points, i), root(points, *j as usize));
-                // The smaller index is the root: the result does not depend on the order of joining.
-                let (low, high) = (a.min(b), a.max(b));
-                points[high].parent = low as u16;
             }
-            if batch.len() < batch.capacity() {
-                break;
-            }
-            from += batch.len();
         }
     }
 }
 
-fn attach_borders(points: &mut VecView<Point>, columns: &Columns, column_m: f32) {
+fn attach_borders(points: &[Point], grid: &Grid<'_>, parents: &mut [u16]) {
     for i in 0..points.len() {
         if points[i].core {
             continue;
         }
         let mut nearest = (f32::INFINITY, i);
-        for_neighbours(points, columns, column_m, i, |j, distance2| {
+        grid.for_neighbours(points, i, |j, distance2| {
             if points[j].core && (distance2, j) < nearest {
                 nearest = (distance2, j);
             }
             true
         });
-        points[i].parent = nearest.1 as u16;
+        parents[i] = nearest.1 as u16;
     }
 }
 
-fn number(points: &mut VecView<Point>) -> u16 {
+fn number(points: &mut [Point], parents: &mut [u16]) -> u16 {
     let mut clusters = 0;
     for i in 0..points.len() {
-        if points[i].core && points[i].parent as usize == i {
+        if points[i].core && parents[i] as usize == i {
             points[i].cluster = clusters;
             clusters += 1;
         }
     }
     for i in 0..points.len() {
-        let top = root(points, i);
+        let top = root(parents, i);
         points[i].cluster = if points[top].core { points[top].cluster } else { NOISE };
     }
     clusters

@@ -62,6 +62,16 @@ impl PlanarMotion {
         Vector2::new(self.state[1], self.state[3])
     }
 
+    /// Speed [m/s], and the same in units of its standard deviation.
+    pub fn speed(&self) -> (f32, f32) {
+        let v = self.velocity();
+        let speed = math::sqrt(v.norm_squared());
+        let p = &self.covariance;
+        let along = Matrix2::new(p[(1, 1)], p[(1, 3)], p[(3, 1)], p[(3, 3)]);
+        let variance = (v.transpose() * along * v)[0] / v.norm_squared().max(1e-6);
+        (speed, speed / math::sqrt(variance.max(1e-6)))
+    }
+
     /// Eq. 3: the state `tau` seconds later, turning at `omega` [rad/s], under white acceleration of the given
     /// standard deviation [m/s2].
     pub fn predict(&mut self, omega: f32, tau: f32, acceleration: f32) {

@@ -22,8 +22,18 @@ pub struct ClassConfig {
     pub max_velocity_difference: f32,
     /// `d_max` of eq. 5 [m].
     pub max_position_difference_m: f32,
-    /// Speed above which a landmark that shifts as a whole moves [m/s].
+    /// Share of a landmark in space known to be free that proves motion.
+    pub free_share: f32,
+    /// Share in free space that makes a shift believable.
+    pub free_support: f32,
+    /// Speed of a shift of the landmark as a whole that speaks for motion [m/s].
+    pub shift_speed: f32,
+    /// Length of such a shift [m].
+    pub shift_m: f32,
+    /// Filtered speed that makes a shift believable where nothing is known of free space [m/s].
     pub min_speed: f32,
+    /// The same in standard deviations.
+    pub min_significance: f32,
 }
 
 /// Rule that tells dynamic from semi-static landmarks.
@@ -52,12 +62,14 @@ pub struct Config {
     pub min_hits: u32,
     /// Frames without evidence of motion before a dynamic track is called semi-static again.
     pub calm_frames: u32,
+    /// Frames in a row with a believable shift before a track is called dynamic.
+    pub alarm_frames: u32,
+    /// A landmark whose ends moved less than this [m] is at rest,
+    pub rest_m: f32,
+    /// over at least this many frames (at most 5).
+    pub rest_frames: u32,
     /// Space counts as free when the sensor saw this much farther [m].
     pub free_margin_m: f32,
-    /// Share of a landmark in free space that proves motion.
-    pub free_share: f32,
-    /// Share in free space that supports a displacement.
-    pub free_support: f32,
     /// Persons, bicyclists, motorcyclists, bicycles, motorcycles.
     pub person: ClassConfig,
     /// Cars, trucks, other vehicles.
@@ -70,25 +82,36 @@ impl Config {
         rule: Rule::Evidence,
         centre_noise_m: 0.15,
         centre_noise_per_range: 0.005,
-        max_misses: 4,
+        max_misses: 8,
         min_hits: 3,
-        calm_frames: 8,
+        calm_frames: 5,
+        alarm_frames: 3,
+        rest_m: 0.2,
+        rest_frames: 2,
         free_margin_m: 0.4,
-        free_share: 0.5,
-        free_support: 0.15,
         person: ClassConfig {
             gate_m: 1.2,
             acceleration: 2.0,
             max_velocity_difference: 0.8,
             max_position_difference_m: 0.25,
-            min_speed: 0.4,
+            free_share: 0.3,
+            free_support: 0.05,
+            shift_speed: 0.4,
+            shift_m: 0.25,
+            min_speed: 0.5,
+            min_significance: 1.0,
         },
         vehicle: ClassConfig {
             gate_m: 2.8,
             acceleration: 3.0,
             max_velocity_difference: 1.5,
             max_position_difference_m: 0.4,
-            min_speed: 0.8,
+            free_share: 0.25,
+            free_support: 0.1,
+            shift_speed: 0.8,
+            shift_m: 0.6,
+            min_speed: 2.5,
+            min_significance: 2.5,
         },
     };
 

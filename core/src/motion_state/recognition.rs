@@ -9,7 +9,7 @@ use crate::math;
 
 /// What speaks for motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Evidence {
+pub struct MotionCues {
     /// Share of the surface that stands where the sensor looked through less than a second ago.
     pub appeared: f32,
     /// Share of the former surface that the sensor now looks through.
@@ -18,6 +18,12 @@ pub struct Evidence {
     pub shift_speed: f32,
     /// Length of that shift [m].
     pub shift_m: f32,
+    /// Both ends of the landmark have stayed where they were for the last frames.
+    pub at_rest: bool,
+    /// Filtered speed [m/s].
+    pub speed: f32,
+    /// Filtered speed in its standard deviations.
+    pub significance: f32,
     /// Eq. 5: difference of velocity between two frames [m/s].
     pub velocity_difference: f32,
     /// Eq. 5: difference of position between two frames [m].
@@ -27,7 +33,7 @@ pub struct Evidence {
 /// Ages [frames] of the images that are asked whether a place was free.
 const LOOK_BACK: [usize; 2] = [3, 8];
 
-impl Evidence {
+impl MotionCues {
     /// Eq. 5's discrepancies: of velocity, and of position beyond where a thing at rest would be.
     pub fn differences(before: &PlanarMotion, after: &PlanarMotion, tau: f32) -> Self {
         let velocity = (after.velocity() - before.velocity()).norm();
@@ -43,7 +49,8 @@ impl Evidence {
             .map(|age| visibility.free_share(age, &now.samples, margin))
             .into_iter()
             .fold(0.0, f32::max);
-        let mut evidence = Self { appeared, ..Self::default() };
+        let (speed, significance) = track.motion.speed();
+        let mut evidence = Self { appeared, speed, significance, ..Self::default() };
         for past in track.snapshots.iter().flatten() {
             evidence.left = evidence.left.max(visibility.free_share(0, &past.samples, margin));
         }
@@ -53,6 +60,10 @@ impl Evidence {
             });
             evidence.shift_m = math::sqrt(shift[0] * shift[0] + shift[1] * shift[1]);
             evidence.shift_speed = evidence.shift_m / (0.1 * past.age as f32);
+        }
+        if let Some(past) = track.snapshots.iter().flatten().last().filter(|p| p.age >= config.rest_frames) {
+            let ends = past.extent.iter().flatten().zip(now.extent.iter().flatten());
+            evidence.at_rest = ends.map(|(a, b)| math::abs(a - b)).fold(0.0, f32::max) < config.rest_m;
         }
         evidence
     }
@@ -71,7 +82,7 @@ fn common_shift(min_before: f32, max_before: f32, min_now: f32, max_now: f32) ->
 }
 
 /// Updates the state of a track.
-pub fn decide(config: &Config, track: &mut Track, evidence: &Evidence) {
+pub fn decide(config: &Config, track: &mut Track, evidence: &MotionCues) {
     let class = class_config(config, track.family);
     let moves = match config.rule {
         Rule::Paper => {
@@ -80,11 +91,20 @@ pub fn decide(config: &Config, track: &mut Track, evidence: &Evidence) {
         }
         Rule::Evidence => {
             let free = evidence.appeared.max(evidence.left);
-            let displaced = evidence.shift_speed > class.min_speed && evidence.shift_m > 0.3;
-            free >= config.free_share || (displaced && free >= config.free_support)
+            let shifted = evidence.shift_speed > class.shift_speed;
+            let supported = free >= class.free_support && evidence.shift_m > 0.6 * class.shift_m;
+            let fast = evidence.speed > class.min_speed && evidence.significance > class.min_significance;
+            let weak = shifted && (supported || (fast && evidence.shift_m > class.shift_m));
+            track.alarms = if weak { track.alarms + 1 } else { 0 };
+            // A shift may be an accident of the view; one that lasts is not.
+            !evidence.at_rest && free >= class.free_share || track.alarms >= config.alarm_frames
         }
     };
-    track.calm = if moves { 0 } else { track.calm + 1 };
+    track.cues = *evidence;
+    track.calm = match moves {
+        true => 0,
+        false => track.calm + if evidence.at_rest { 2 } else { 1 },
+    };
     let calm_needed = if config.rule == Rule::Paper { 1 } else { config.calm_frames };
     track.state = match track.state {
         _ if moves => MotionState::Dynamic,

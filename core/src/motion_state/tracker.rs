@@ -3,7 +3,7 @@
 use heapless::{Vec, VecView};
 use nalgebra::{Matrix2, Point3, Vector2, Vector3};
 
-use super::recognition::{self, Evidence};
+use super::recognition::{self, MotionCues};
 use super::visibility::Visibility;
 use super::{ClassConfig, Config, Rule};
 use crate::estimation::kalman::PlanarMotion;
@@ -49,6 +49,10 @@ pub struct Track {
     pub landmark: Option<u16>,
     /// Frames without evidence of motion.
     pub calm: u32,
+    /// Frames in a row with a believable shift.
+    pub(super) alarms: u32,
+    /// What spoke for or against motion last.
+    pub cues: MotionCues,
     /// Turn rate [rad/s].
     pub(super) omega: f32,
     /// Two snapshots, the older first, five frames apart.
@@ -83,6 +87,8 @@ impl Track {
             misses: 0,
             landmark: None,
             calm: 0,
+            alarms: 0,
+            cues: MotionCues::default(),
             omega: 0.0,
             snapshots: [None, None],
         }
@@ -148,7 +154,7 @@ pub fn update(
         if found.is_some() {
             correct(config, track, landmark, &centre, noise, tau, local_from_sensor, visibility);
         } else {
-            let evidence = Evidence::of(config, track, &look(landmark, local_from_sensor), visibility);
+            let evidence = MotionCues::of(config, track, &look(landmark, local_from_sensor), visibility);
             recognition::decide(config, track, &evidence);
         }
         remember(track, look(landmark, local_from_sensor));
@@ -214,8 +220,8 @@ fn correct(
     (track.class, track.height) = (landmark.class, centre.z);
     (track.hits, track.misses) = (track.hits + 1, 0);
     let evidence = match config.rule {
-        Rule::Paper => Evidence::differences(&before, &track.motion, tau),
-        Rule::Evidence => Evidence::of(config, track, &look(landmark, local_from_sensor), visibility),
+        Rule::Paper => MotionCues::differences(&before, &track.motion, tau),
+        Rule::Evidence => MotionCues::of(config, track, &look(landmark, local_from_sensor), visibility),
     };
     recognition::decide(config, track, &evidence);
 }

@@ -9,25 +9,29 @@ pub const ELEVATION_CORRECTION_DEG: f64 = 0.205;
 /// Poses per scan period in deskewing: at 30 m/s a point is off by less than 0.4 mm.
 const DESKEW_STEPS: f64 = 4096.0;
 
-/// Raises every point by [`ELEVATION_CORRECTION_DEG`] about the sensor, its range and azimuth kept.
+/// Raises every point by `degrees` about the sensor, its range and azimuth kept.
 ///
-/// For scans of KITTI; other drives and simulated ones lack the defect.
-pub fn correct_elevation(points: &mut [[f32; 4]]) {
+/// [`ELEVATION_CORRECTION_DEG`] for scans of KITTI; other drives and simulated ones lack the defect.
+pub fn correct_elevation(points: &mut [[f32; 4]], degrees: f64) {
+    let sin_cos = degrees.to_radians().sin_cos();
     for point in points {
         let [x, y, z, _] = point.map(f64::from);
-        let [x, y, z] = with_corrected_elevation([x, y, z]);
+        let [x, y, z] = with_elevation_raised([x, y, z], sin_cos);
         *point = [x as f32, y as f32, z as f32, point[3]];
     }
 }
 
-/// [`correct_elevation`] of one point, in double precision.
-pub fn with_corrected_elevation([x, y, z]: [f64; 3]) -> [f64; 3] {
+/// [`correct_elevation`] of one point, in double precision, by [`ELEVATION_CORRECTION_DEG`].
+pub fn with_corrected_elevation(point: [f64; 3]) -> [f64; 3] {
+    with_elevation_raised(point, ELEVATION_CORRECTION_DEG.to_radians().sin_cos())
+}
+
+fn with_elevation_raised([x, y, z]: [f64; 3], (sin, cos): (f64, f64)) -> [f64; 3] {
     let horizontal = x.hypot(y);
     if horizontal == 0.0 {
         return [x, y, z];
     }
     // Rotation about p x z: the vertical plane through the point is kept.
-    let (sin, cos) = ELEVATION_CORRECTION_DEG.to_radians().sin_cos();
     let shrink = cos - sin * z / horizontal;
     [x * shrink, y * shrink, z * cos + horizontal * sin]
 }

@@ -1,1 +1,168 @@
-//! See the crate documentation.
+//! A run: one drive through the core, its results into a folder.
+//!
+//! Files in `OUT/NN/`, each of which appears whole or not at all:
+//!
+//! | file | content |
+//! | --- | --- |
+//! | `poses_kitti.txt` | one pose a frame, camera frame, 12 numbers a line |
+//! | `poses_tum.txt` | `stamp x y z qx qy qz qw` of the sensor in the map \[s, m\] |
+//! | `metrics.json` | errors against the ground truth, counts, times, memory |
+//! | `landmarks.csv` | landmarks of every frame: centre \[m\] and velocity \[m/s\] in the map |
+//! | `motion/NNNNNN.label` | the input's labels with 252..259 where a landmark was recognised as dynamic |
+//! | `map.ply` | static semantic voxel map |
+//! | `trajectory.svg` | the drive from above |
+//! | `config.toml` | the configuration that was used |
+//! | `run.log` | what happened: fallbacks, drops, warnings |
+//! | `ms.txt`, `cpu_ms.txt` | wall and CPU time of the core per frame \[ms\] |
+//!
+//! The map frame is the sensor frame of the first scan. Only `metrics.json`, `ms.txt` and `cpu_ms.txt` hold times of this machine:
+//! the others are the same, byte for byte, from run to run and for any number of threads.
+//!
+//! A scan that is missing or cannot be read becomes an empty one at its stamp, so its pose is the prediction and every
+//! frame keeps its line; its `motion` file is left out. A stamp that does not go forward is replaced by the one before
+//! plus 0.1 s. Both are counted and logged. The first scan must be readable.
+
+mod error;
+mod journal;
+mod mapping;
+mod motion;
+mod output;
+mod picture;
+mod record;
+mod scans;
+mod stopwatch;
+mod summary;
+mod tally;
+mod voxel_map;
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use sdslam_core::{
+    Config as CoreConfig, FrameEstimate, FrameStatus, FullScanOdometry, LabelledScan, MapPose,
+};
+
+use crate::config::HostConfig;
+use crate::dataset::{self, Sequence};
+pub use error::{OutputError, RunError};
+use mapping::Mapping;
+pub use motion::MovingLandmarks;
+use output::OutputFolder;
+use record::Recorder;
+use scans::Stamps;
+pub use stopwatch::Milliseconds;
+use stopwatch::Stopwatch;
+pub use summary::{MovingScore, Summary};
+use voxel_map::VoxelMap;
+
+/// What to run on, and where the results go.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Folder with `sequences/` and, if there is ground truth, `poses/`.
+    pub dataset: PathBuf,
+    /// Name of the sequence, e.g. `07`.
+    pub sequence: String,
+    /// Folder of the labels within the sequence; `labels` if none.
+    pub labels: Option<String>,
+    /// First frame of the run.
+    pub first_frame: usize,
+    /// End of the frames, itself not in the run; all if none.
+    pub end_frame: Option<usize>,
+    /// Every parameter.
+    pub config: HostConfig,
+    /// 1: one thing after the other; more: the next scan is read and the map grows meanwhile. The results are the same.
+    pub threads: usize,
+    /// Replace the files of an earlier run.
+    pub overwrite: bool,
+    /// The results go into the folder of the sequence's name in here.
+    pub out: PathBuf,
+}
+
+impl Request {
+    fn frames(&self, sequence: &Sequence) -> Result<Range<usize>, RunError> {
+        let available = sequence.len();
+        let (first, end) = (self.first_frame, self.end_frame.unwrap_or(available));
+        if first < end && end <= available {
+            Ok(first..end)
+        } else {
+            Err(RunError::Frames { first, end, available })
+        }
+    }
+}
+
+/// Runs the SLAM on a drive; `progress` is told the frames done and their number.
+pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<Summary, RunError> {
+    let config = &request.config;
+    let sequence = Sequence::open(&request.dataset, &request.sequence, request.labels.as_deref())?;
+    let frames = request.frames(&sequence)?;
+    let ground_truth = sequence.ground_truth()?;
+    // Without the first scan there is nothing to start from, and nothing is written.
+    sequence.read(frames.start).map_err(RunError::FirstScan)?;
+    let mut odometry = odometry_on_heap(config.core)?;
+    let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
+    let mut recorder = Recorder::new(request, &sequence, frames.clone(), ground_truth, folder)?;
+    let mut mapping = Mapping::start(VoxelMap::new(config.map), request.threads);
+    let mut stamps = Stamps::default();
+    let mut recent = RecentMotion::default();
+
+    scans::for_each_scan(&sequence, frames.clone(), &config.input, request.threads, |mut scan| {
+        if let Some(fault) = scan.fault.take() {
+            recorder.unreadable(scan.frame, &fault);
+        }
+        let (stamp_s, replaced) = stamps.next(sequence.stamp_s(scan.frame));
+        recorder.replaced_stamp(scan.frame, replaced);
+
+        if config.input.deskew {
+            dataset::deskew(&mut scan.points, &recent.per_period());
+        }
+        let mut points = scan.labelled_points();
+
+        let mut stopwatch = Stopwatch::start();
+        let mut labelled = LabelledScan { stamp_s, points: &mut points };
+        let estimate = odometry
+            .process_scan_observed(&mut labelled, &mut stopwatch)
+            .map_err(|source| RunError::Odometry { frame: scan.frame, source })?;
+        recorder.time(&stopwatch.stop());
+
+        recent.push(&estimate);
+        recorder.record(&scan, &points, &estimate, &odometry)?;
+        if !matches!(estimate.status, FrameStatus::Predicted(_)) {
+            mapping.add(points, estimate.map_from_sensor);
+        }
+        progress(scan.frame + 1 - frames.start, frames.len());
+        Ok(())
+    })?;
+
+    recorder.finish(&sequence, &mapping.finish())
+}
+
+/// The odometry is too large for a usual stack, on which it is built before it moves to the heap.
+fn odometry_on_heap(config: CoreConfig) -> Result<Box<FullScanOdometry>, RunError> {
+    let bytes = size_of::<FullScanOdometry>();
+    let builder = std::thread::Builder::new().stack_size(4 * bytes + (1 << 20));
+    let build = move || FullScanOdometry::new(config).map(Box::new);
+    let thread = builder.spawn(build).map_err(|source| RunError::Memory { bytes, source: Some(source) })?;
+    let built = thread.join().map_err(|_| RunError::Memory { bytes, source: None })?;
+    Ok(built?)
+}
+
+/// The last step of the vehicle, for undoing its motion during a scan.
+#[derive(Default)]
+struct RecentMotion {
+    previous: Option<FrameEstimate>,
+    per_period: MapPose,
+}
+
+impl RecentMotion {
+    fn push(&mut self, estimate: &FrameEstimate) {
+        if let Some(previous) = &self.previous {
+            self.per_period = previous.map_from_sensor.inv_mul(&estimate.map_from_sensor);
+        }
+        self.previous = Some(*estimate);
+    }
+
+    /// Pose of the sensor one period later in the sensor frame.
+    fn per_period(&self) -> MapPose {
+        self.per_period
+    }
+}

@@ -1,0 +1,259 @@
+//! Keeps what a run gives, frame by frame, and writes it.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use sdslam_core::{
+    FrameEstimate, FrameStatus, FullScanOdometry, LabelledPoint, MapPose, MotionState, TrackReport,
+};
+
+use super::journal::Journal;
+use super::motion::{self, Movers, MovingLandmarks};
+use super::output::{OutputFolder, PendingFile};
+use super::picture::Picture;
+use super::scans::InputScan;
+use super::stopwatch::{FrameTimes, Times};
+use super::summary::{Metrics, MovingScore, Summary};
+use super::tally::{self, Tally};
+use super::voxel_map::VoxelMap;
+use super::{Request, RunError};
+use crate::config::HostConfig;
+use crate::dataset::{DatasetError, Sequence, labels, trajectory};
+use crate::evaluate::{self, LabelConfusion, TrajectoryErrors};
+
+/// Everything that is kept until the end of the run.
+pub(super) struct Recorder {
+    folder: OutputFolder,
+    motion_folder: OutputFolder,
+    landmarks_csv: PendingFile,
+    config: HostConfig,
+    frames: Range<usize>,
+    started: Instant,
+    /// Ground truth in the camera frame, from the first frame of the run on.
+    ground_truth: Option<Vec<MapPose>>,
+    stamps_s: Vec<f64>,
+    map_from_sensor: Vec<MapPose>,
+    times: Times,
+    tally: Tally,
+    movers: Movers,
+    moving_landmarks: MovingLandmarks,
+    moving_points: LabelConfusion,
+    /// Whether the input's labels tell what moves.
+    motion_is_labelled: bool,
+    journal: Journal,
+}
+
+impl Recorder {
+    pub(super) fn new(
+        request: &Request,
+        sequence: &Sequence,
+        frames: Range<usize>,
+        ground_truth: Option<Vec<MapPose>>,
+        folder: OutputFolder,
+    ) -> Result<Self, RunError> {
+        let mut landmarks_csv = folder.begin("landmarks.csv")?;
+        landmarks_csv.append(motion::CSV_HEADER.as_bytes())?;
+        let mut recorder = Self {
+            motion_folder: folder.subfolder("motion")?,
+            folder,
+            landmarks_csv,
+            config: request.config.clone(),
+            started: Instant::now(),
+            ground_truth,
+            stamps_s: Vec::new(),
+            map_from_sensor: Vec::new(),
+            times: Times::default(),
+            tally: Tally::default(),
+            movers: Movers::default(),
+            moving_landmarks: MovingLandmarks::default(),
+            moving_points: LabelConfusion::default(),
+            motion_is_labelled: false,
+            journal: Journal::default(),
+            frames,
+        };
+        recorder.open_journal(request, sequence);
+        Ok(recorder)
+    }
+
+    fn open_journal(&mut self, request: &Request, sequence: &Sequence) {
+        let (name, Range { start, end }) = (&request.sequence, &self.frames);
+        let preset = self.config.preset;
+        let version = env!("CARGO_PKG_VERSION");
+        self.journal
+            .note(format_args!("sdslam {version}: sequence {name}, frames {start}..{end}, {preset} preset"));
+        if !sequence.has_times() {
+            self.journal.note("times.txt is missing: scans are taken to be 0.1 s apart");
+        }
+        let end = self.frames.end;
+        if let Some(poses) = &mut self.ground_truth {
+            let available = poses.len();
+            poses.truncate(end);
+            poses.drain(..self.frames.start.min(poses.len()));
+            if available < end {
+                self.journal.note(format_args!(
+                    "ground truth ends at frame {available}: later frames are not evaluated"
+                ));
+            }
+        }
+    }
+
+    /// A scan could not be read.
+    pub(super) fn unreadable(&mut self, frame: usize, fault: &DatasetError) {
+        self.tally.unreadable_scans += 1;
+        self.journal.fault(frame, fault);
+    }
+
+    /// A time stamp was replaced for the reason given, if any.
+    pub(super) fn replaced_stamp(&mut self, frame: usize, reason: Option<String>) {
+        if let Some(reason) = reason {
+            self.tally.replaced_stamps += 1;
+            self.journal.event(frame, reason);
+        }
+    }
+
+    pub(super) fn time(&mut self, frame: &FrameTimes) {
+        self.times.push(frame);
+    }
+
+    /// Keeps the results of one frame.
+    pub(super) fn record(
+        &mut self,
+        scan: &InputScan,
+        points: &[LabelledPoint],
+        estimate: &FrameEstimate,
+        odometry: &FullScanOdometry,
+    ) -> Result<(), RunError> {
+        let (landmarks, pose) = (odometry.landmarks(), &estimate.map_from_sensor);
+        self.stamps_s.push(estimate.stamp_s);
+        self.map_from_sensor.push(*pose);
+        self.tally.add(estimate);
+        self.log(scan.frame, estimate);
+
+        let tracks: Vec<TrackReport> = odometry.tracks().collect();
+        self.landmarks_csv.append(motion::csv_rows(scan.frame, landmarks, &tracks, pose).as_bytes())?;
+        self.movers.add(landmarks, pose);
+        if !points.is_empty() {
+            let recognised = motion::motion_labels(&scan.labels, points, landmarks);
+            self.motion_folder
+                .write(&format!("{:06}.label", scan.file_number), bytemuck::cast_slice(&recognised))?;
+            self.motion_is_labelled |= scan.labels.iter().any(|&raw| labels::is_moving(raw));
+            self.moving_landmarks.add(&scan.labels, points, landmarks);
+            self.moving_points.add(&scan.labels, &recognised)?;
+        }
+        Ok(())
+    }
+
+    fn log(&mut self, frame: usize, estimate: &FrameEstimate) {
+        if let FrameStatus::Predicted(fallback) = estimate.status {
+            self.journal.event(frame, format_args!("pose predicted: {}", fallback.reason()));
+        }
+        self.journal.count(frame, "points not finite, dropped", estimate.evidence.points.not_finite.into());
+        for (what, count) in tally::REFUSED {
+            self.journal.count(frame, what, count(estimate).into());
+        }
+    }
+
+    /// Evaluates and writes everything that is not written yet.
+    pub(super) fn finish(self, sequence: &Sequence, map: &VoxelMap) -> Result<Summary, RunError> {
+        let camera_from_sensor = sequence.camera_from_sensor();
+        let camera_poses: Vec<MapPose> = self
+            .map_from_sensor
+            .iter()
+            .map(|map_from_sensor| camera_from_sensor * map_from_sensor * camera_from_sensor.inverse())
+            .collect();
+        let folder = &self.folder;
+        folder.write("poses_kitti.txt", trajectory::write_kitti(&camera_poses).as_bytes())?;
+        let tum = trajectory::write_tum(&self.stamps_s, &self.map_from_sensor);
+        folder.write("poses_tum.txt", tum.as_bytes())?;
+        folder.write("map.ply", &map.to_ply())?;
+        folder.write("trajectory.svg", self.picture(sequence).as_bytes())?;
+        folder.write("config.toml", self.config.render().as_bytes())?;
+        folder.write("run.log", self.journal.to_text().as_bytes())?;
+        folder.write("ms.txt", self.times.lines().as_bytes())?;
+        folder.write("cpu_ms.txt", self.times.cpu_lines().as_bytes())?;
+        let errors = self.errors(&camera_poses);
+        let summary = self.summary(sequence, errors, map);
+        folder.write("metrics.json", self.metrics(&summary).as_bytes())?;
+        self.landmarks_csv.finish()?;
+        Ok(summary)
+    }
+
+    /// Against the ground truth, as far as it reaches.
+    fn errors(&self, camera_poses: &[MapPose]) -> Option<TrajectoryErrors> {
+        let truth = self.ground_truth.as_ref().filter(|poses| poses.len() > 1)?;
+        Some(evaluate::trajectory_errors(truth, &camera_poses[..truth.len()]))
+    }
+
+    fn picture(&self, sequence: &Sequence) -> String {
+        let from_above = |pose: &MapPose| [pose.translation.x, pose.translation.y];
+        let camera_from_sensor = sequence.camera_from_sensor();
+        let ground_truth: Option<Vec<_>> = self.ground_truth.as_ref().map(|poses| {
+            let world_from_sensor = |camera: &MapPose| camera * camera_from_sensor;
+            let Some(start) = poses.first().map(world_from_sensor) else { return Vec::new() };
+            poses.iter().map(|camera| from_above(&start.inv_mul(&world_from_sensor(camera)))).collect()
+        });
+        let estimate: Vec<_> = self.map_from_sensor.iter().map(from_above).collect();
+        let title =
+            format!("Sequence {}, frames {}..{}", sequence.name(), self.frames.start, self.frames.end);
+        Picture {
+            title: &title,
+            estimate: &estimate,
+            ground_truth: ground_truth.as_deref().filter(|path| !path.is_empty()),
+            movers: &self.movers,
+        }
+        .to_svg()
+    }
+
+    fn summary(&self, sequence: &Sequence, trajectory: Option<TrajectoryErrors>, map: &VoxelMap) -> Summary {
+        Summary {
+            sequence: sequence.name().into(),
+            frames: self.frames.len(),
+            lost: self.tally.lost(),
+            unreadable_scans: self.tally.unreadable_scans,
+            replaced_stamps: self.tally.replaced_stamps,
+            trajectory,
+            core_ms: self.times.total(),
+            core_cpu_ms: self.times.cpu(),
+            scans_per_s: self.frames.len() as f64 / self.started.elapsed().as_secs_f64(),
+            dynamic: self.movers.count(MotionState::Dynamic),
+            semi_static: self.movers.count(MotionState::SemiStatic),
+            moving: self.motion_is_labelled.then(|| self.moving_score()),
+            voxels: map.len(),
+            voxel_m: self.config.map.voxel_m,
+            folder: self.folder.path().into(),
+        }
+    }
+
+    fn moving_score(&self) -> MovingScore {
+        MovingScore {
+            landmarks: self.moving_landmarks,
+            recall: self.moving_landmarks.recall(),
+            precision: self.moving_landmarks.precision(),
+            points_iou: self.moving_points.errors().moving_iou,
+        }
+    }
+
+    fn metrics(&self, summary: &Summary) -> String {
+        Metrics {
+            version: env!("CARGO_PKG_VERSION"),
+            sequence: &summary.sequence,
+            preset: self.config.preset,
+            first_frame: self.frames.start,
+            end_frame: self.frames.end,
+            frames: summary.frames,
+            lost: summary.lost,
+            trajectory: summary.trajectory.as_ref(),
+            moving: summary.moving.as_ref(),
+            tracks_dynamic: summary.dynamic,
+            tracks_semi_static: summary.semi_static,
+            map_voxels: summary.voxels,
+            core_memory_bytes: size_of::<FullScanOdometry>(),
+            core_ms: summary.core_ms,
+            core_cpu_ms: summary.core_cpu_ms,
+            core_ms_per_stage: self.times.stages(),
+            scans_per_s: summary.scans_per_s,
+            counts: &self.tally,
+        }
+        .to_json()
+    }
+}
