@@ -179,6 +179,17 @@ mod tests {
     }
 
     #[test]
+    fn long_drive_comes_back_to_its_start_street_and_goes_on() {
+        let options = Options { frames: 900, ..Options::town() };
+        let (_, drive) = drive(&options);
+        let start = drive.at(0.0).0.position;
+        let distance = |k: usize| (drive.at(k as f64 * SCAN_S).0.position - start).norm();
+        assert!((200..900).any(|k| distance(k) < 1.0));
+        assert!((0..900).any(|k| distance(k) > 60.0) && distance(899) > 5.0);
+        assert!(drive.at(89.9).1 > 1.0, "stands still before the end");
+    }
+
+    #[test]
     fn motion_is_smooth_in_all_six_directions() {
         for options in [Options::demo(), Options { frames: 600, ..Options::town() }] {
             let (ground, drive) = drive(&options);
