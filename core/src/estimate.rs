@@ -2,7 +2,7 @@
 
 use crate::landmarks::MotionState;
 use crate::motion_state::recognition::MotionCues;
-use crate::pose::MapPose;
+use crate::pose::{MapPose, PlanarPose};
 use crate::scan::SemanticClass;
 
 /// The answer to one scan.
@@ -103,6 +103,8 @@ pub enum LandmarkInput {
 pub struct HullEvidence {
     /// Which landmarks were used.
     pub input: LandmarkInput,
+    /// Planar pose found: of the sensor in the previous scan (section 3.2) or in the submap's frame (section 3.4.1).
+    pub pose: PlanarPose,
     /// Landmark pairs.
     pub pairs: u32,
     /// Weighted overlap reached, 0..1 of the possible.

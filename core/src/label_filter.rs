@@ -32,7 +32,7 @@ impl Config {
         min_range_m: 2.0,
         max_range_m: 100.0,
         min_confidence: 0,
-        ground_cell_m: 0.5,
+        ground_cell_m: 0.6,
         large_cell_m: 0.4,
         small_cell_m: 0.15,
         movable_cell_m: 0.2,

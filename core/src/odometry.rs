@@ -1,7 +1,7 @@
 //! The story of one frame, in the paper's order. Only this file knows the order of the stages.
 
 use heapless::Vec;
-use nalgebra::{Matrix6, Point3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
 
 use crate::capacity::PAIRS;
 use crate::error::{OdometryError, ParameterError};
@@ -446,15 +446,8 @@ impl<
         let at =
             |p: &Pose| dense::score(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, p);
         let start = if at(predicted) >= at(start) { predicted } else { start };
-        let result = dense::register(
-            &config.dense,
-            &config.voxels,
-            &self.voxels,
-            path_m,
-            &self.source,
-            start,
-            &Vector6::zeros(),
-        );
+        let result =
+            dense::register(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, start);
         evidence.dense = result.evidence;
         let corrected_m = (result.local_from_sensor.translation.vector - start.translation.vector).norm();
         let status = if result.evidence.inliers < config.dense.min_inliers {

@@ -1,2 +1,56 @@
-//! On-vehicle loop.
+//! SD-SLAM's on-vehicle loop: fetch a labelled scan, find the pose, publish it.
+//!
+//! The library is what runs in the vehicle: no standard library, no allocation, no panic, memory that the caller
+//! provides. The program of this crate runs the same loop on a desk, on a recorded or simulated drive:
+//!
+//! ```sh
+//! cargo run --release -p sdslam-firmware-sim -- DATASET SEQUENCE
+//! ```
+//!
+//! # Porting to a board
+//!
+//! Implement [`Board`], provide the memory of an odometry and of the points of a scan, call [`run`]:
+//!
+//! ```
+//! use sdslam_core::{Config, FrameEstimate, LabelledPoint, Odometry, SemanticClass};
+//! use sdslam_firmware_sim::{Board, Fault, ScanHeader, Totals, run};
+//!
+//! struct OneScan(bool);
+//!
+//! impl Board for OneScan {
+//!     type Error = core::convert::Infallible;
+//!
+//!     fn next_scan(&mut self, points: &mut [LabelledPoint]) -> Result<Option<ScanHeader>, Self::Error> {
+//!         if core::mem::replace(&mut self.0, true) {
+//!             return Ok(None);
+//!         }
+//!         points[0] = LabelledPoint::new([5.0, 0.0, -1.7], SemanticClass::Road);
+//!         Ok(Some(ScanHeader { stamp_s: 0.0, points: 1 }))
+//!     }
+//!
+//!     fn publish(&mut self, estimate: &FrameEstimate) -> Result<(), Self::Error> {
+//!         println!("{}", estimate.map_from_sensor);
+//!         Ok(())
+//!     }
+//!
+//!     fn fault(&mut self, fault: Fault) {
+//!         eprintln!("{fault}");
+//!     }
+//! }
+//!
+//! // A small profile; the capacities are explained in `sdslam_core::capacity`.
+//! let mut odometry = Box::new(Odometry::<1024, 128, 32, 16, 256, 32>::new(Config::accurate())?);
+//! let mut points = [LabelledPoint::new([0.0; 3], SemanticClass::Unlabelled); 1024];
+//! let mut totals = Totals::default();
+//! run(&mut OneScan(false), &mut odometry, &mut points, &mut totals)?;
+//! assert_eq!(totals.estimates, 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![no_std]
+
+mod board;
+pub mod memory;
+mod vehicle;
+
+pub use board::{Board, Fault, ScanHeader};
+pub use vehicle::{HighWater, Totals, run};

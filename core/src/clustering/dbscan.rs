@@ -28,13 +28,25 @@ pub struct Point {
     cube: [i16; 3],
     /// In the first point of a column: first point of the next column in the same bucket.
     next: u16,
+    /// In the first point of a column: a core point of the one tree that holds all its core points, or [`NOISE`].
+    tree: u16,
     core: bool,
 }
 
 impl Point {
     /// A point before clustering.
     pub const fn new(position: [f32; 3], radius: f32, weight: u32, id: u16) -> Self {
-        Self { position, radius, weight, id, cluster: NOISE, cube: [0; 3], next: NOISE, core: false }
+        Self {
+            position,
+            radius,
+            weight,
+            id,
+            cluster: NOISE,
+            cube: [0; 3],
+            next: NOISE,
+            tree: NOISE,
+            core: false,
+        }
     }
 }
 
@@ -68,13 +80,18 @@ fn bucket(x: i16, y: i16) -> usize {
 
 /// Clusters `points` (at most `N` and 65534), which are reordered; gives the number of clusters. `cube_m` is the side of the search grid [m],
 /// best near the typical radius; it has no influence on the result.
-pub fn cluster<const N: usize>(points: &mut [Point], scratch: &mut Scratch<N>, cube_m: f32, min_weight: u32) -> u16 {
+pub fn cluster<const N: usize>(
+    points: &mut [Point],
+    scratch: &mut Scratch<N>,
+    cube_m: f32,
+    min_weight: u32,
+) -> u16 {
     let grid = Grid::build(points, &mut scratch.first, cube_m);
     for i in 0..points.len() {
         let mut weight = points[i].weight;
         if weight < min_weight {
             weight = 0;
-            grid.for_neighbours(points, i, points.len(), |j, _| {
+            grid.for_neighbours(points, i, |j, _| {
                 weight += points[j].weight;
                 weight < min_weight
             });
@@ -127,35 +144,45 @@ impl<'a> Grid<'a> {
         (0, &[])
     }
 
-    /// Calls `visit(neighbour, squared distance)` for the neighbours of point `i` among the points before `end`, itself
-    /// included, until it says `false`.
+    /// Columns and heights that the neighbourhood of a point touches: smallest and largest cube.
     #[inline]
-    fn for_neighbours(&self, points: &[Point], i: usize, end: usize, mut visit: impl FnMut(usize, f32) -> bool) {
-        let point = &points[i];
-        let low = point.position.map(|v| floor_i32((v - point.radius) * self.per_metre) as i16);
-        let high = point.position.map(|v| floor_i32((v + point.radius) * self.per_metre) as i16);
-        let last_x = points[..end].last().map_or(low[0], |p| p.cube[0]).min(high[0]);
-        for x in low[0]..=last_x {
+    fn reach(&self, point: &Point) -> ([i16; 3], [i16; 3]) {
+        let cube =
+            |sign: f32| point.position.map(|v| floor_i32((v + sign * point.radius) * self.per_metre) as i16);
+        (cube(-1.0), cube(1.0))
+    }
+
+    /// Calls `visit(neighbour, squared distance)` for the neighbours of point `i`, itself included, until it says `false`.
+    #[inline]
+    fn for_neighbours(&self, points: &[Point], i: usize, mut visit: impl FnMut(usize, f32) -> bool) {
+        let (low, high) = self.reach(&points[i]);
+        for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
                 let (start, column) = self.column(points, x, y);
-                for (offset, other) in column.iter().take(end.saturating_sub(start)).enumerate() {
-                    let [ox, oy, oz] = other.cube;
-                    if ox != x || oy != y || oz > high[2] {
-                        break;
-                    }
-                    if oz < low[2] {
-                        continue;
-                    }
-                    let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
-                    let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-                    let radius = point.radius.min(other.radius);
-                    if distance2 <= radius * radius && !visit(start + offset, distance2) {
+                for (offset, distance2) in within(column, &points[i], low[2], high[2]) {
+                    if !visit(start + offset, distance2) {
                         return;
                     }
                 }
             }
         }
     }
+}
+
+/// The points at the start of `column` that share its cube's x and y, lie between two heights, and are neighbours of
+/// `point`: offset and squared distance.
+#[inline]
+fn within(column: &[Point], point: &Point, low: i16, high: i16) -> impl Iterator<Item = (usize, f32)> {
+    let of = column.first().map_or([0; 3], |p| p.cube);
+    let same = move |p: &&Point| p.cube[0] == of[0] && p.cube[1] == of[1] && p.cube[2] <= high;
+    column.iter().take_while(same).enumerate().filter(move |(_, p)| p.cube[2] >= low).filter_map(
+        move |(offset, other)| {
+            let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
+            let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+            let radius = point.radius.min(other.radius);
+            (distance2 <= radius * radius).then_some((offset, distance2))
+        },
+    )
 }
 
 /// Root of a point's tree; shortens the way for the next time.
@@ -168,22 +195,52 @@ fn root(parents: &mut [u16], i: usize) -> usize {
     at
 }
 
-fn join_cores(points: &[Point], grid: &Grid<'_>, parents: &mut [u16]) {
-    for i in 0..points.len() {
-        if !points[i].core {
-            continue;
-        }
-        let mut own = root(parents, i);
-        grid.for_neighbours(points, i, i, |j, _| {
-            if parents[j] as usize != own && points[j].core {
-                let other = root(parents, j);
-                // The smaller index is the root: the result does not depend on the order of joining.
-                let (low, high) = (own.min(other), own.max(other));
-                parents[high] = low as u16;
-                own = low;
+/// Joins neighbouring core points, column by column. A finished column whose core points are all in one tree is joined
+/// as one: what is in its tree already need not look at it again, what is not needs one neighbour in it.
+fn join_cores(points: &mut [Point], grid: &Grid<'_>, parents: &mut [u16]) {
+    let mut start = 0;
+    while start < points.len() {
+        let [x, y, _] = points[start].cube;
+        let length = points[start..].iter().take_while(|p| p.cube[0] == x && p.cube[1] == y).count();
+        for i in start..start + length {
+            if points[i].core {
+                join(points, grid, parents, start, i);
             }
-            true
-        });
+        }
+        let mut roots = (start..start + length).filter(|i| points[*i].core).map(|i| root(parents, i));
+        let first = roots.next();
+        points[start].tree = first.filter(|f| roots.all(|r| r == *f)).map_or(NOISE, |f| f as u16);
+        start += length;
+    }
+}
+
+/// Joins core point `i` of the column that begins at `own_start` with its neighbours before it.
+fn join(points: &[Point], grid: &Grid<'_>, parents: &mut [u16], own_start: usize, i: usize) {
+    let (low, high) = grid.reach(&points[i]);
+    let mut own = root(parents, i);
+    for x in low[0]..=points[i].cube[0] {
+        for y in low[1]..=high[1] {
+            let (start, column) = grid.column(points, x, y);
+            if column.is_empty() || start > own_start {
+                continue;
+            }
+            let column = if start == own_start { &points[start..i] } else { column };
+            let tree = if start == own_start { NOISE } else { points[start].tree };
+            if tree != NOISE && root(parents, tree as usize) == own {
+                continue;
+            }
+            for (offset, _) in within(column, &points[i], low[2], high[2]) {
+                if points[start + offset].core {
+                    let other = root(parents, start + offset);
+                    // The smaller index is the root: the result does not depend on the order of joining.
+                    parents[own.max(other)] = own.min(other) as u16;
+                    own = own.min(other);
+                    if tree != NOISE {
+                        break;
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -193,7 +250,7 @@ fn attach_borders(points: &[Point], grid: &Grid<'_>, parents: &mut [u16]) {
             continue;
         }
         let mut nearest = (f32::INFINITY, i);
-        grid.for_neighbours(points, i, points.len(), |j, distance2| {
+        grid.for_neighbours(points, i, |j, distance2| {
             if points[j].core && (distance2, j) < nearest {
                 nearest = (distance2, j);
             }

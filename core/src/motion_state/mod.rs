@@ -34,6 +34,8 @@ pub struct ClassConfig {
     pub min_speed: f32,
     /// The same in standard deviations.
     pub min_significance: f32,
+    /// Frames in a row with a believable shift that prove motion; those supported by free space count twice.
+    pub alarm_frames: u32,
 }
 
 /// Rule that tells dynamic from semi-static landmarks.
@@ -62,8 +64,6 @@ pub struct Config {
     pub min_hits: u32,
     /// Frames without evidence of motion before a dynamic track is called semi-static again.
     pub calm_frames: u32,
-    /// Frames in a row with a believable shift before a track is called dynamic.
-    pub alarm_frames: u32,
     /// A landmark whose ends moved less than this [m] is at rest,
     pub rest_m: f32,
     /// over at least this many frames (at most 5).
@@ -83,9 +83,8 @@ impl Config {
         centre_noise_m: 0.15,
         centre_noise_per_range: 0.005,
         max_misses: 8,
-        min_hits: 3,
+        min_hits: 5,
         calm_frames: 5,
-        alarm_frames: 3,
         rest_m: 0.2,
         rest_frames: 2,
         free_margin_m: 0.4,
@@ -96,10 +95,11 @@ impl Config {
             max_position_difference_m: 0.25,
             free_share: 0.3,
             free_support: 0.05,
-            shift_speed: 0.4,
-            shift_m: 0.25,
+            shift_speed: 0.5,
+            shift_m: 0.3,
             min_speed: 0.5,
-            min_significance: 1.0,
+            min_significance: 0.8,
+            alarm_frames: 2,
         },
         vehicle: ClassConfig {
             gate_m: 2.8,
@@ -107,11 +107,12 @@ impl Config {
             max_velocity_difference: 1.5,
             max_position_difference_m: 0.4,
             free_share: 0.25,
-            free_support: 0.1,
+            free_support: 0.06,
             shift_speed: 0.8,
             shift_m: 0.6,
             min_speed: 2.5,
             min_significance: 2.5,
+            alarm_frames: 3,
         },
     };
 

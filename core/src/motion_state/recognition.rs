@@ -95,9 +95,9 @@ pub fn decide(config: &Config, track: &mut Track, evidence: &MotionCues) {
             let supported = free >= class.free_support && evidence.shift_m > 0.6 * class.shift_m;
             let fast = evidence.speed > class.min_speed && evidence.significance > class.min_significance;
             let weak = shifted && (supported || (fast && evidence.shift_m > class.shift_m));
-            track.alarms = if weak { track.alarms + 1 } else { 0 };
+            track.alarms = if weak { track.alarms + if supported { 2 } else { 1 } } else { 0 };
             // A shift may be an accident of the view; one that lasts is not.
-            !evidence.at_rest && free >= class.free_share || track.alarms >= config.alarm_frames
+            !evidence.at_rest && free >= class.free_share || track.alarms >= class.alarm_frames
         }
     };
     track.cues = *evidence;

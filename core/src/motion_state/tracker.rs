@@ -160,7 +160,8 @@ pub fn update(
         remember(track, look(landmark, local_from_sensor));
         (landmark.state, landmark.track) = (track.state, Some(track.id));
     }
-    tracks.retain(|t| t.misses <= if t.hits < config.min_hits { 1 } else { config.max_misses });
+    // A track outlives as many misses as it had hits, up to the limit.
+    tracks.retain(|t| t.misses <= t.hits.min(config.max_misses));
     refused
 }
 

@@ -18,12 +18,14 @@ const COLUMNS: usize = 720;
 const ROWS: usize = 32;
 /// Slope z / horizontal range of the lowest and of the highest row: covers -26 to +6 degrees.
 const SLOPES: (f32, f32) = (-0.5, 0.1);
+/// Points above which every other one is taken.
+const DENSE_SCAN: usize = 80_000;
 /// No return in this pixel.
 const EMPTY: u16 = u16::MAX;
 /// Images kept: a second of scans.
 pub const HISTORY: usize = 11;
 
-/// Nearest range per pixel [cm].
+/// Nearest horizontal range per pixel [cm].
 #[derive(Clone)]
 struct RangeImage {
     ranges: [[u16; COLUMNS]; ROWS],
@@ -47,7 +49,7 @@ pub struct Visibility {
     order: Deque<u8, HISTORY>,
 }
 
-/// Row, column and range [m] of a point in the sensor frame.
+/// Row, column and horizontal range [m] of a point in the sensor frame.
 #[inline]
 fn pixel(p: &Vector3<f32>) -> Option<(usize, usize, f32)> {
     let horizontal = math::sqrt(p.x * p.x + p.y * p.y);
@@ -55,7 +57,7 @@ fn pixel(p: &Vector3<f32>) -> Option<(usize, usize, f32)> {
     // micromath's atan2 is off by up to 0.16 degrees, the same for every image: right for choosing a column.
     let turn = F32Ext::atan2(p.y, p.x) * (0.5 / core::f32::consts::PI) + 0.5;
     let column = (turn * COLUMNS as f32) as usize % COLUMNS;
-    (row >= 0.0 && row < ROWS as f32).then(|| (row as usize, column, math::sqrt(p.norm_squared())))
+    (row >= 0.0 && row < ROWS as f32).then_some((row as usize, column, horizontal))
 }
 
 impl Visibility {
@@ -78,7 +80,9 @@ impl Visibility {
         let image = &mut self.images[slot as usize];
         image.ranges = [[EMPTY; COLUMNS]; ROWS];
         image.local_from_sensor = *local_from_sensor;
-        for point in points {
+        // A pixel is half a degree wide: of a dense scan every other point fills it as well.
+        let stride = 1 + points.len() / DENSE_SCAN;
+        for point in points.iter().step_by(stride) {
             let Some((row, column, range)) = pixel(&Vector3::from(point.position)) else { continue };
             let nearest = &mut image.ranges[row][column];
             // 655 m at most: the cast saturates.

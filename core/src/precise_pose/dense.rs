@@ -82,8 +82,9 @@ pub struct Registration {
 
 /// Sum over all residuals: normal equations of one iteration.
 struct NormalEquations {
-    h: Matrix6<f32>,
-    g: Vector6<f32>,
+    /// Upper triangle.
+    h: [[f32; 6]; 6],
+    g: [f32; 6],
     squared_m2: f32,
     weight: f32,
     inliers: u32,
@@ -97,25 +98,19 @@ pub fn register<const SETS: usize>(
     path_m: f32,
     source: &[SourcePoint],
     start: &Pose,
-    prior: &Vector6<f32>,
 ) -> Registration {
     let mut local_from_sensor = *start;
     let mut kernel = config.kernel_start;
     let mut evidence = DenseEvidence { source_points: source.len() as u32, ..DenseEvidence::default() };
     let mut information = Matrix6::zeros();
     for iteration in 1..=config.max_iterations {
-        let mut sum = accumulate(map_config, map, path_m, source, &local_from_sensor, kernel);
-        let error = pose_difference(&local_from_sensor, start);
-        for i in 0..6 {
-            sum.h[(i, i)] += prior[i];
-            sum.g[i] += prior[i] * error[i];
-        }
+        let sum = accumulate(map_config, map, path_m, source, &local_from_sensor, kernel);
         evidence.iterations = iteration;
         evidence.inliers = sum.inliers;
         evidence.residual_m = math::sqrt(sum.squared_m2 / sum.weight.max(1e-6));
-        information = sum.h;
-        let Some(cholesky) = sum.h.cholesky() else { break };
-        let step = -cholesky.solve(&sum.g);
+        information = Matrix6::from_fn(|r, c| sum.h[r.min(c)][r.max(c)]);
+        let Some(cholesky) = information.cholesky() else { break };
+        let step = -cholesky.solve(&Vector6::from(sum.g));
         local_from_sensor = apply(&step, &local_from_sensor);
         let translation = step.fixed_rows::<3>(0).norm();
         let rotation = step.fixed_rows::<3>(3).norm();
@@ -138,13 +133,6 @@ fn apply(step: &Vector6<f32>, local_from_sensor: &Pose) -> Pose {
     Pose::from_parts(translation.into(), rotation)
 }
 
-/// The step that [`apply`] needs to go from `from` to `to`.
-fn pose_difference(to: &Pose, from: &Pose) -> Vector6<f32> {
-    let t = to.translation.vector - from.translation.vector;
-    let w = pose::log_so3(&(to.rotation * from.rotation.inverse()));
-    Vector6::new(t.x, t.y, t.z, w.x, w.y, w.z)
-}
-
 /// How well a pose explains the scan: points whose partner is near, counted softly. For choosing between two starts.
 pub fn score<const SETS: usize>(
     config: &Config,
@@ -159,7 +147,7 @@ pub fn score<const SETS: usize>(
         let p = (local_from_sensor * nalgebra::Point3::from(point.position)).coords;
         let (voxel, mean) = map.find(map_config, &p, point.group, path_m)?;
         let residual = p - mean;
-        let mahalanobis2 = residual.dot(&(voxel.information() * residual));
+        let mahalanobis2: f32 = voxel.across().map(|a| square(a.dot(&residual))).sum();
         let kernel2 = config.kernel_start * config.kernel_start;
         Some(kernel2 / (kernel2 + mahalanobis2))
     });
@@ -174,13 +162,7 @@ fn accumulate<const SETS: usize>(
     local_from_sensor: &Pose,
     kernel: f32,
 ) -> NormalEquations {
-    let mut sum = NormalEquations {
-        h: Matrix6::zeros(),
-        g: Vector6::zeros(),
-        squared_m2: 0.0,
-        weight: 0.0,
-        inliers: 0,
-    };
+    let mut sum = NormalEquations { h: [[0.0; 6]; 6], g: [0.0; 6], squared_m2: 0.0, weight: 0.0, inliers: 0 };
     let rotation = *local_from_sensor.rotation.to_rotation_matrix().matrix();
     let kernel2 = kernel * kernel;
     for point in source {
@@ -188,34 +170,34 @@ fn accumulate<const SETS: usize>(
         let p = arm + local_from_sensor.translation.vector;
         let Some((voxel, mean)) = map.find(map_config, &p, point.group, path_m) else { continue };
         let residual = p - mean;
-        let information = voxel.information();
-        let wr = information * residual;
-        let mahalanobis2 = residual.dot(&wr);
+        let mahalanobis2: f32 = voxel.across().map(|a| square(a.dot(&residual))).sum();
         // Geman-McClure: outliers end with no weight.
-        let k = kernel2 / (kernel2 + mahalanobis2);
-        let w = k * k;
-        // J = [I, -skew(arm)]
-        let wi = information * w;
-        let s = pose::skew(&arm);
-        let ws = wi * s;
-        let rr = s.transpose() * ws;
-        let mut tt = sum.h.fixed_view_mut::<3, 3>(0, 0);
-        tt += wi;
-        let mut tr = sum.h.fixed_view_mut::<3, 3>(0, 3);
-        tr -= ws;
-        let mut r = sum.h.fixed_view_mut::<3, 3>(3, 3);
-        r += rr;
-        let g = wr * w;
-        let turn = arm.cross(&g);
-        for i in 0..3 {
-            sum.g[i] += g[i];
-            sum.g[i + 3] += turn[i];
+        let w = square(kernel2 / (kernel2 + mahalanobis2));
+        for a in voxel.across() {
+            sum.add(&a, &arm.cross(&a), a.dot(&residual), w);
         }
         sum.squared_m2 += w * mahalanobis2 * map_config.noise_m * map_config.noise_m;
         sum.weight += w;
         sum.inliers += u32::from(mahalanobis2 < 9.0);
     }
-    let upper = sum.h.fixed_view::<3, 3>(0, 3).transpose();
-    sum.h.fixed_view_mut::<3, 3>(3, 0).copy_from(&upper);
     sum
+}
+
+impl NormalEquations {
+    /// Adds a residual with the derivative [along, turn] by translation and rotation.
+    #[inline]
+    fn add(&mut self, along: &Vector3<f32>, turn: &Vector3<f32>, residual: f32, weight: f32) {
+        let j = [along.x, along.y, along.z, turn.x, turn.y, turn.z];
+        for row in 0..6 {
+            let wj = weight * j[row];
+            for column in row..6 {
+                self.h[row][column] += wj * j[column];
+            }
+            self.g[row] += wj * residual;
+        }
+    }
+}
+
+fn square(v: f32) -> f32 {
+    v * v
 }

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::error::ParameterError;
-use crate::math::floor_i32;
+use crate::math::{self, floor_i32};
 use crate::scan::{MotionClass, SemanticClass};
 
 /// Places of a voxel.
@@ -50,12 +50,12 @@ pub struct Voxel {
     covariance: [f32; 6],
     /// Weight of the points so far, bounded by `max_weight`.
     weight: f32,
-    /// Weight when `information` was computed.
-    weight_at_information: f32,
+    /// Weight when `across` was computed.
+    weight_at_shape: f32,
     /// Path driven [m] when last seen.
     seen_at_m: f32,
-    /// Information about position across the surface xx, xy, xz, yy, yz, zz [1/m2]; zero while unknown.
-    information: [f32; 6],
+    /// Directions in which the surface fixes a position, each divided by its standard deviation [1/m]; zero where none is.
+    across: [[f32; 3]; 2],
 }
 
 impl Voxel {
@@ -63,21 +63,22 @@ impl Voxel {
         mean: [0.0; 3],
         covariance: [0.0; 6],
         weight: 0.0,
-        weight_at_information: 0.0,
+        weight_at_shape: 0.0,
         seen_at_m: f32::NEG_INFINITY,
-        information: [0.0; 6],
+        across: [[0.0; 3]; 2],
     };
 
-    /// Information matrix of the position across the surface [1/m2].
+    /// Directions in which the surface fixes a position, each divided by its standard deviation [1/m]: one for a plane,
+    /// two for a rod.
     #[inline]
-    pub fn information(&self) -> Matrix3<f32> {
-        symmetric(&self.information)
+    pub fn across(&self) -> impl Iterator<Item = Vector3<f32>> {
+        self.across.iter().filter(|a| **a != [0.0; 3]).map(|a| Vector3::from(*a))
     }
 
     /// The voxel says something about position.
     #[inline]
     pub fn is_informative(&self) -> bool {
-        self.information != [0.0; 6]
+        self.across[0] != [0.0; 3]
     }
 }
 
@@ -108,7 +109,7 @@ pub struct Config {
 impl Config {
     /// Defaults.
     pub const DEFAULT: Self =
-        Self { voxel_m: 1.0, window_m: 100.0, noise_m: 0.03, max_weight: 2000.0, min_weight: 8.0 };
+        Self { voxel_m: 1.0, window_m: 60.0, noise_m: 0.03, max_weight: 2000.0, min_weight: 8.0 };
 
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if !(self.voxel_m >= 0.1 && self.voxel_m <= 5.0) {
@@ -221,9 +222,9 @@ impl<const SETS: usize> VoxelMap<SETS> {
         voxel.covariance = packed(&merged);
         voxel.weight = total.min(config.max_weight);
         voxel.seen_at_m = path_m;
-        if total >= config.min_weight && total >= 1.25 * voxel.weight_at_information {
-            voxel.weight_at_information = voxel.weight;
-            voxel.information = information(config, group, merged);
+        if total >= config.min_weight && total >= 1.25 * voxel.weight_at_shape {
+            voxel.weight_at_shape = voxel.weight;
+            voxel.across = across(config, group, merged);
         }
     }
 
@@ -259,21 +260,21 @@ impl<const SETS: usize> VoxelMap<SETS> {
 ///
 /// Across a plane: the inverse of the variance. Along it: nothing. A single scan line on a plane looks like a rod and
 /// would seem to fix two directions; only upright rods (poles, trunks) are believed.
-fn information(config: &Config, group: Group, covariance: Matrix3<f32>) -> [f32; 6] {
+fn across(config: &Config, group: Group, covariance: Matrix3<f32>) -> [[f32; 3]; 2] {
+    const NOTHING: [f32; 3] = [0.0; 3];
     let eigen = SymmetricEigen::new(covariance);
     let mut order = [0, 1, 2];
     order.sort_unstable_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
     let value = order.map(|i| eigen.eigenvalues[i].max(0.0));
     let axis = order.map(|i| eigen.eigenvectors.column(i).into_owned());
-    let noise2 = config.noise_m * config.noise_m;
-    let across = |k: usize| axis[k] * axis[k].transpose() / (value[k] + noise2);
+    let weighted = |k: usize| (axis[k] / math::sqrt(value[k] + config.noise_m * config.noise_m)).into();
     let rod = value[1] < 0.1 * value[2] && value[1] < 0.02;
-    if rod {
-        let upright = axis[2].z * axis[2].z > 0.8;
-        return if upright && group != Group::Ground { packed(&(across(0) + across(1))) } else { [0.0; 6] };
+    let upright = axis[2].z * axis[2].z > 0.8;
+    match (rod, group) {
+        (true, Group::Ground) => [NOTHING; 2],
+        (true, _) if upright => [weighted(0), weighted(1)],
+        (true, _) => [NOTHING; 2],
+        (false, Group::Ground) if axis[0].z * axis[0].z < 0.6 => [NOTHING; 2],
+        (false, _) => [weighted(0), NOTHING],
     }
-    if group == Group::Ground && axis[0].z * axis[0].z < 0.6 {
-        return [0.0; 6];
-    }
-    packed(&across(0))
 }

@@ -175,7 +175,7 @@ pub fn register(
     pairs: &[HullPair],
 ) -> (PlanarPose, HullEvidence) {
     if pairs.is_empty() {
-        return (start, HullEvidence::default());
+        return (start, HullEvidence { pose: start, ..HullEvidence::default() });
     }
     let found = pso::maximise(
         &config.swarm,
@@ -185,12 +185,14 @@ pub fn register(
         |p| objective(pairs, &PlanarPose { x: p[0], y: p[1], yaw: p[2] }),
     );
     let possible: f32 = pairs.iter().map(|p| p.weight * p.possible).sum();
+    let [x, y, yaw] = found.position;
+    let pose = PlanarPose { x, y, yaw };
     let evidence = HullEvidence {
+        pose,
         pairs: pairs.len() as u32,
         overlap: found.value / possible.max(f32::MIN_POSITIVE),
         evaluations: found.evaluations,
         ..HullEvidence::default()
     };
-    let [x, y, yaw] = found.position;
-    (PlanarPose { x, y, yaw }, evidence)
+    (pose, evidence)
 }

@@ -67,8 +67,10 @@ pub(super) fn motion_labels(raw: &[u32], points: &[LabelledPoint], landmarks: &[
 pub struct MovingLandmarks {
     /// Moving and recognised as dynamic.
     pub found: u64,
-    /// Moving, not recognised as dynamic.
+    /// Moving, taken for standing still.
     pub missed: u64,
+    /// Moving, not seen long enough to be decided on.
+    pub undecided: u64,
     /// Recognised as dynamic, not moving.
     pub false_alarms: u64,
 }
@@ -84,16 +86,17 @@ impl MovingLandmarks {
             }
         }
         for (landmark, (moving, all)) in landmarks.iter().zip(moving_points) {
-            match (2 * moving > all, landmark.state == MotionState::Dynamic) {
-                (true, true) => self.found += 1,
-                (true, false) => self.missed += 1,
-                (false, true) => self.false_alarms += 1,
-                (false, false) => (),
+            match (2 * moving > all, landmark.state) {
+                (true, MotionState::Dynamic) => self.found += 1,
+                (true, MotionState::Undecided) => self.undecided += 1,
+                (true, _) => self.missed += 1,
+                (false, MotionState::Dynamic) => self.false_alarms += 1,
+                (false, _) => (),
             }
         }
     }
 
-    /// Share of the moving landmarks that was found, 0..1.
+    /// Share of the moving landmarks that was found, of those decided on, 0..1.
     pub fn recall(&self) -> Option<f64> {
         share(self.found, self.missed)
     }

@@ -87,3 +87,57 @@ fn temporary_beside(folder: &Path, name: &str) -> std::io::Result<NamedTempFile>
 fn writing(path: &Path) -> impl FnOnce(std::io::Error) -> OutputError + '_ {
     move |source| OutputError::Write { path: path.into(), source }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).expect("a folder");
+        entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect()
+    }
+
+    #[test]
+    fn a_file_appears_when_it_is_finished_and_not_before() {
+        let root = tempfile::tempdir().expect("a folder");
+        let folder = OutputFolder::create(root.path(), false).expect("writable");
+        let mut file = folder.begin("a.txt").expect("writable");
+        file.append(b"whole").expect("writable");
+        assert!(!root.path().join("a.txt").exists());
+        file.finish().expect("writable");
+        assert_eq!(fs::read(root.path().join("a.txt")).expect("readable"), b"whole");
+        assert_eq!(names(root.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_file_that_is_given_up_leaves_nothing_and_keeps_the_old_one() {
+        let root = tempfile::tempdir().expect("a folder");
+        fs::write(root.path().join("a.txt"), "old").expect("writable");
+        let folder = OutputFolder::create(root.path(), true).expect("writable");
+        let mut file = folder.begin("a.txt").expect("writable");
+        file.append(b"half").expect("writable");
+        drop(file);
+        assert_eq!(fs::read(root.path().join("a.txt")).expect("readable"), b"old");
+        assert_eq!(names(root.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn only_an_empty_folder_is_taken_without_overwriting() {
+        let root = tempfile::tempdir().expect("a folder");
+        assert!(OutputFolder::create(root.path(), false).is_ok());
+        fs::write(root.path().join("mine"), "").expect("writable");
+        let refused = OutputFolder::create(root.path(), false);
+        assert!(matches!(refused, Err(OutputError::Exists { path }) if path == root.path()));
+        assert!(OutputFolder::create(root.path(), true).is_ok());
+        assert_eq!(names(root.path()), ["mine"]);
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_named() {
+        let root = tempfile::tempdir().expect("a folder");
+        let folder = OutputFolder::create(root.path(), false).expect("writable");
+        let path = root.path().join("no/such/file");
+        let error = folder.write("no/such/file", b"").expect_err("there is no such folder");
+        assert_eq!(error.to_string(), format!("cannot write {}", path.display()));
+    }
+}

@@ -52,7 +52,7 @@ pub struct Summary {
 pub struct MovingScore {
     /// Landmarks, counted once per frame.
     pub landmarks: MovingLandmarks,
-    /// Share of the moving landmarks that was found, 0..1.
+    /// Share of the moving landmarks that was found, of those decided on, 0..1.
     pub recall: Option<f64>,
     /// Share of the recognised landmarks that moves, 0..1.
     pub precision: Option<f64>,
@@ -143,8 +143,9 @@ impl Summary {
 
 impl MovingScore {
     fn rows(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let MovingLandmarks { found, missed, false_alarms } = self.landmarks;
-        let counts = format_args!("{found} found, {missed} missed, {false_alarms} false");
+        let MovingLandmarks { found, missed, undecided, false_alarms } = self.landmarks;
+        let counts =
+            format_args!("{found} found, {missed} missed, {undecided} undecided, {false_alarms} false");
         row(f, "moving landmarks", counts)?;
         let percent = |share: Option<f64>| share.map_or("-".into(), |s| format!("{:.1} %", 100.0 * s));
         let (recall, precision) = (percent(self.recall), percent(self.precision));

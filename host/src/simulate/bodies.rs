@@ -33,7 +33,7 @@ impl Car {
             size_m: [length * scale, width],
             heights_m,
             cabin_m: cabin.map(|row| row.map(|c| c * scale)),
-            paint: if random.chance(0.25) { random.between(0.02, 0.08) } else { random.between(0.15, 0.6) },
+            paint: if random.chance(0.5) { random.between(0.02, 0.09) } else { random.between(0.1, 0.5) },
         }
     }
 

@@ -179,6 +179,17 @@ mod tests {
     }
 
     #[test]
+    fn long_drive_comes_back_to_its_start_street_and_goes_on() {
+        let options = Options { frames: 900, ..Options::town() };
+        let (_, drive) = drive(&options);
+        let start = drive.at(0.0).0.position;
+        let distance = |k: usize| (drive.at(k as f64 * SCAN_S).0.position - start).norm();
+        assert!((200..900).any(|k| distance(k) < 1.0));
+        assert!((0..900).any(|k| distance(k) > 60.0) && distance(899) > 5.0);
+        assert!(drive.at(89.9).1 > 1.0, "stands still before the end");
+    }
+
+    #[test]
     fn motion_is_smooth_in_all_six_directions() {
         for options in [Options::demo(), Options { frames: 600, ..Options::town() }] {
             let (ground, drive) = drive(&options);
@@ -189,6 +200,10 @@ mod tests {
                 let change = pair[0].inverse() * pair[1];
                 assert!(change.translation.vector.norm() / (SCAN_S * SCAN_S) < 5.0, "{change:?}");
                 assert!(change.rotation.angle().to_degrees() < 1.2, "{change:?}");
+            }
+            for pose in &poses {
+                let (roll, pitch, _) = pose.rotation.euler_angles();
+                assert!(roll.to_degrees().abs() < 5.0 && pitch.to_degrees().abs() < 9.0, "{roll} {pitch}");
             }
             for step in steps {
                 assert!(step.translation.x > 0.2 && step.translation.x < 1.1, "{step:?}");

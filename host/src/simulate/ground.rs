@@ -18,11 +18,11 @@ pub struct Cover {
     pub reflectance: f32,
 }
 
-const ROAD: Cover = Cover { label: 40, reflectance: 0.26 };
-const PARKING: Cover = Cover { label: 44, reflectance: 0.30 };
+const ROAD: Cover = Cover { label: 40, reflectance: 0.31 };
+const PARKING: Cover = Cover { label: 44, reflectance: 0.38 };
 const MARKING: Cover = Cover { label: 60, reflectance: 0.62 };
-const SIDEWALK: Cover = Cover { label: 48, reflectance: 0.33 };
-const TERRAIN: Cover = Cover { label: 72, reflectance: 0.36 };
+const SIDEWALK: Cover = Cover { label: 48, reflectance: 0.43 };
+const TERRAIN: Cover = Cover { label: 72, reflectance: 0.43 };
 
 /// Height of a kerb [m].
 const KERB_M: f32 = 0.12;
@@ -147,7 +147,8 @@ impl Ground {
             self.sample(at.x, at.y).map(|node| node[0])
         });
         let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), z| (l.min(z), h.max(z)));
-        (low - 0.3, high + 0.35)
+        // Gutters and hollows below the relief, kerbs and tufts above it.
+        (low - 0.13, high + 0.14)
     }
 
     fn sample(&self, x: f32, y: f32) -> Option<[f32; 3]> {
@@ -221,7 +222,7 @@ fn narrow(
 /// Height of the street's surface above the relief [m]: crown, gutter, kerb.
 fn street_profile(place: &Place) -> f32 {
     if place.outside_m < 0.0 {
-        return 0.02 * (-place.outside_m).min(4.0) - 0.08;
+        return 0.01 * (-place.outside_m).min(2.5) - 0.08;
     }
     (place.outside_m / KERB_WIDTH_M).min(1.0) * KERB_M - 0.08
 }

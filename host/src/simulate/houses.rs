@@ -89,7 +89,7 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
             setback_m,
             depth_m: (side.depth_m - setback_m).min(random.between(8.0, 11.0)),
             storeys: style.storeys + random.between(-0.5, 0.5),
-            reflectance: random.between(0.25, 0.55),
+            reflectance: random.between(0.32, 0.72),
         };
         if random.chance(0.94) {
             build_house(site, side, &house, random);
@@ -196,18 +196,18 @@ fn add_front_parts(
 
 /// Hedge, fence, wall or nothing along the sidewalk, with a gate.
 fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut Random) {
-    let kind = random.below(8);
+    let kind = random.below(9);
     let gate = random.between(from + 1.0, (to - 2.2).max(from + 1.1));
     let height = random.between(0.9, 1.9);
     for [a, b] in [[from, gate], [gate + 1.2, to]] {
         let ends = [side.at(a, 0.35), side.at(b, 0.35)];
         match kind {
-            0..=3 if site.options.vegetation > 0.0 => {
+            0..=4 if site.options.vegetation > 0.0 => {
                 let solids = plants::hedge(site.foot(ends[0]), site.foot(ends[1]), height, random);
                 site.solids.extend(solids);
             }
-            5 | 6 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
-            7 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
+            6 | 7 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
+            8 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
             _ => {}
         }
     }
@@ -234,7 +234,7 @@ fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f
 
 /// Bushes and small trees in a front garden.
 fn plant_front(site: &mut Site, side: &Side, house: &House, random: &mut Random) {
-    let count = (site.options.vegetation * random.between(2.0, 6.0)) as usize;
+    let count = (site.options.vegetation * random.between(3.0, 8.0)) as usize;
     for _ in 0..count {
         let radius = random.between(0.4, 0.9);
         let room = house.setback_m - 1.0;
@@ -244,7 +244,7 @@ fn plant_front(site: &mut Site, side: &Side, house: &House, random: &mut Random)
         let at = side.at(random.between(house.span[0] + 1.0, house.span[1] - 1.0), random.between(0.9, room));
         let foot = site.foot(at);
         let solids =
-            if random.chance(0.2) { plants::tree(foot, random) } else { plants::bush(foot, radius, random) };
+            if random.chance(0.25) { plants::tree(foot, random) } else { plants::bush(foot, radius, random) };
         site.solids.extend(solids);
     }
 }

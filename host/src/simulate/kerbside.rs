@@ -84,7 +84,7 @@ fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
         number += 1;
         let place = kerb.at(at, 0.45);
         match random.unit() {
-            _ if number % 3 == 0 => site.stand(&lamp(random), place, kerb.outward()),
+            _ if number.is_multiple_of(3) => site.stand(&lamp(random), place, kerb.outward()),
             draw if draw < tree_share => {
                 let foot = site.foot(place);
                 site.solids.extend(plants::street_tree(foot, random));
@@ -94,7 +94,7 @@ fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
                 site.stand(&bin(random), kerb.at(at, kerb.street.sidewalk_m - 0.25), kerb.along)
             }
             draw if draw > 0.74 => park_bicycles(site, kerb, at, random),
-            draw if draw > 0.74 - 0.14 * site.options.vegetation => {
+            draw if draw > 0.74 - 0.2 * site.options.vegetation => {
                 let foot = site.foot(place);
                 site.solids.extend(plants::bush(foot, random.between(0.25, 0.4), random));
             }

@@ -10,6 +10,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use sdslam_core::MapPose;
 
 use super::{drive::SCAN_S, error::SimulateError, options::Options, scan::Scan};
+use crate::dataset::trajectory::write_kitti;
 
 /// The folders of a drive.
 #[derive(Clone, Debug)]
@@ -91,7 +92,7 @@ fn calibration() -> String {
     for (camera, shift) in [0.0, -384.0, 43.0, -340.0].into_iter().enumerate() {
         let _ = writeln!(text, "P{camera}: 720 0 610 {shift} 0 720 180 0 0 0 1 0");
     }
-    let _ = writeln!(text, "Tr: {}", row(&camera_from_sensor()));
+    let _ = write!(text, "Tr: {}", write_kitti(&[camera_from_sensor()]));
     text
 }
 
@@ -100,14 +101,7 @@ fn camera_poses(town_from_sensor: &[MapPose]) -> String {
     let camera_from_sensor = camera_from_sensor();
     let Some(first) = town_from_sensor.first() else { return String::new() };
     let pose = |pose: &MapPose| camera_from_sensor * first.inverse() * pose * camera_from_sensor.inverse();
-    town_from_sensor.iter().map(|p| row(&pose(p)) + "\n").collect()
-}
-
-/// The upper three rows of a transform's matrix.
-fn row(pose: &MapPose) -> String {
-    let matrix = pose.to_homogeneous();
-    let numbers: Vec<String> = (0..12).map(|k| format!("{:.12e}", matrix[(k / 4, k % 4)])).collect();
-    numbers.join(" ")
+    write_kitti(&town_from_sensor.iter().map(pose).collect::<Vec<_>>())
 }
 
 #[cfg(test)]

@@ -74,9 +74,9 @@ pub struct Place {
 }
 
 /// Lane centre to centre line [m].
-pub const LANE_M: f32 = 1.75;
+pub const LANE_M: f32 = 1.65;
 /// Radius of the kerb at a crossing [m].
-const KERB_RADIUS_M: f32 = 4.0;
+const KERB_RADIUS_M: f32 = 5.0;
 
 /// The street plan.
 #[derive(Clone, Debug)]
@@ -201,14 +201,10 @@ impl Plan {
     }
 }
 
+/// Index of the street whose centre line is nearest to a coordinate. No branch to guess: rays ask at random.
 fn nearest(streets: &[Street], c: f32) -> usize {
-    let after = streets.partition_point(|s| s.centre_m < c);
-    match after {
-        0 => 0,
-        n if n == streets.len() => n - 1,
-        n if c - streets[n - 1].centre_m < streets[n].centre_m - c => n - 1,
-        n => n,
-    }
+    let beyond = |pair: &[Street]| usize::from(2.0 * c > pair[0].centre_m + pair[1].centre_m);
+    streets.windows(2).map(beyond).sum()
 }
 
 /// A smooth odd function: small slope up to the edge of a road, the identity from some way into the block.
@@ -242,12 +238,12 @@ fn draw_streets(blocks: usize, [short, long]: [f32; 2], random: &mut Random) -> 
     let mut centre_m = -0.5 * gaps.iter().sum::<f32>();
     let mut streets = Vec::with_capacity(blocks + 1);
     for k in 0..=blocks {
-        let parking_m = if random.chance(0.6) { 2.1 } else { 0.0 };
+        let parking_m = if random.chance(0.6) { 2.0 } else { 0.0 };
         streets.push(Street {
             centre_m,
-            half_width_m: 3.6 + parking_m,
+            half_width_m: 3.3 + parking_m,
             parking_m,
-            sidewalk_m: random.between(2.5, 3.6),
+            sidewalk_m: random.between(1.9, 2.8),
         });
         centre_m += gaps.get(k).copied().unwrap_or(0.0);
     }
@@ -279,7 +275,7 @@ fn draw_style(kind: Kind, random: &mut Random) -> BlockStyle {
         };
     }
     BlockStyle {
-        setback_m: random.between(2.5, 5.0),
+        setback_m: random.between(2.1, 4.0),
         paved_m: random.between(0.0, 0.4),
         verge_m: if random.chance(0.5) { 0.95 } else { 0.0 },
         has_houses: kind == Kind::Homes,
@@ -316,7 +312,7 @@ mod tests {
         let plan = plan();
         let [x, y] = [plan.avenues[2].centre_m, plan.streets[2].centre_m];
         let next = plan.avenues[3].centre_m;
-        assert!(plan.place(Point2::new(x, y + 20.0)).outside_m <= -3.5);
+        assert!(plan.place(Point2::new(x, y + 20.0)).outside_m <= -3.2);
         assert!(plan.place(Point2::new(0.5 * (x + next), y + 20.0)).outside_m > 5.0);
         assert_eq!(plan.block_at(Point2::new(x + 1.0, y + 1.0)), Some([2, 2]));
         assert_eq!(plan.block_at(Point2::new(x - 1e4, y)), None);

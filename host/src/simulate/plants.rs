@@ -8,8 +8,9 @@ use super::{
 
 const LEAVES: Surface =
     Surface { label: 70, instance: 0, reflectance: 0.32, finish: super::scene::Finish::Matte };
-const BARK: Surface =
-    Surface { label: 71, instance: 0, reflectance: 0.28, finish: super::scene::Finish::Matte };
+const BARK: Surface = Surface { label: 71, reflectance: 0.28, ..LEAVES };
+/// SemanticKITTI counts what is inside a crown as vegetation.
+const BRANCH: Surface = Surface { reflectance: 0.28, ..LEAVES };
 
 /// A tree in a garden or park: some have leaves from near the ground.
 pub fn tree(foot: Vec3, random: &mut Random) -> Vec<Solid> {
@@ -31,14 +32,15 @@ fn grow(foot: Vec3, crown: Vec3, random: &mut Random) -> Vec<Solid> {
     let lean = Vec3::new(random.between(-0.06, 0.06), random.between(-0.06, 0.06), 1.0);
     let fork = foot + lean * crown_foot;
     let middle = foot + lean * (crown_foot + 0.8 * crown_half);
+    let root = foot - Vec3::z() * 0.3;
     let mut solids = vec![
-        rod(foot - Vec3::z() * 0.3, fork, radius),
-        rod(foot - Vec3::z() * 0.3, foot + lean * 0.25, 1.35 * radius),
-        rod(fork, middle, 0.6 * radius),
+        rod(BARK, root, fork, radius),
+        rod(BARK, root, foot + lean * 0.25, 1.35 * radius),
+        rod(BRANCH, fork, middle, 0.6 * radius),
     ];
     for _ in 0..4 {
         let tip = middle + in_ball(random).component_mul(&Vec3::new(0.7, 0.7, 0.6)) * crown_radius;
-        solids.push(rod(fork, tip, 0.3 * radius));
+        solids.push(rod(BRANCH, fork, tip, 0.3 * radius));
     }
     let scale = Vec3::new(crown_radius, crown_radius, crown_half);
     let clumps = (9.0 * crown_radius * crown_radius * crown_half.sqrt()) as usize;
@@ -80,8 +82,8 @@ fn clump(centre: Vec3, radius_m: f32, half_height_m: f32, free_path_m: f32) -> S
     Solid { shape: Shape::Clump { centre, radius_m, half_height_m, free_path_m }, surface: LEAVES }
 }
 
-fn rod(a: Vec3, b: Vec3, radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a, b, radius_m }, surface: BARK }
+fn rod(surface: Surface, a: Vec3, b: Vec3, radius_m: f32) -> Solid {
+    Solid { shape: Shape::Capsule { a, b, radius_m }, surface }
 }
 
 /// Uniform in the unit ball.
@@ -118,8 +120,9 @@ mod tests {
             let lowest = solids.iter().map(|s| s.shape.bounds().0.z).fold(f32::MAX, f32::min);
             assert!(lowest < foot.z + 0.25, "floats at {lowest}");
             for solid in &solids {
-                let leaves = matches!(solid.shape, Shape::Clump { .. });
-                assert_eq!(solid.surface.label, if leaves { 70 } else { 71 });
+                let is_trunk =
+                    !matches!(solid.shape, Shape::Clump { .. }) && solid.shape.bounds().0.z < foot.z;
+                assert_eq!(solid.surface.label, if is_trunk { 71 } else { 70 });
             }
         }
     }

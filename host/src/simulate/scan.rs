@@ -14,6 +14,7 @@ use super::{
     town::Town,
     traffic::{Crowd, Presence},
 };
+use crate::dataset::labels;
 
 /// Points in the sensor frame with remission, and a SemanticKITTI label each: id, and instance in the high half.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -88,7 +89,7 @@ impl Scanner<'_> {
         let at = (direction * seen.range_m + lift).map(|c| (1000.0 * c).round() / 1000.0);
         scan.points.push([at.x, at.y, at.z, seen.remission]);
         scan.labels.push(u32::from(echo.surface.label) | u32::from(echo.surface.instance) << 16);
-        if echo.surface.label >= 252 {
+        if labels::is_moving(echo.surface.label.into()) {
             scan.moving.insert(echo.surface.instance, echo.surface.label);
         }
     }
@@ -149,4 +150,118 @@ impl<'a> Sectors<'a> {
 fn sector_of(x: f32, y: f32) -> usize {
     let turn = y.atan2(x) / std::f32::consts::TAU + 0.5;
     ((turn * SECTORS as f32) as usize).min(SECTORS - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::{
+        drive::{Drive, SCAN_S},
+        options::{Options, Traffic},
+    };
+    use nalgebra::Point3;
+
+    struct World {
+        options: Options,
+        town: Town,
+        drive: Drive,
+        crowd: Crowd,
+    }
+
+    /// Small scans without noise, with heavy traffic.
+    fn world() -> World {
+        let mut options = Options { traffic: Traffic::Heavy, frames: 120, ..Options::demo() };
+        options.sensor.columns = 200;
+        options.sensor.range_noise_m = 0.0;
+        let town = Town::build(options.seed, &options.town);
+        let drive = Drive::plan(&options, &town.plan);
+        let crowd = Crowd::draw(&options, &town, &drive);
+        World { options, town, drive, crowd }
+    }
+
+    impl World {
+        /// The scan of a frame, with its points in the town.
+        fn scan(&self, frame: usize) -> (Scan, Vec<Point3<f64>>) {
+            let time_s = frame as f64 * SCAN_S;
+            let pose = self.drive.town_from_sensor(self.town.scene.ground(), time_s);
+            let (town, crowd) = (&self.town, &self.crowd);
+            let scanner = Scanner { town, crowd, sensor: &self.options.sensor, seed: 1 };
+            let scan = scanner.scan(frame, time_s, &pose);
+            let place = |p: &[f32; 4]| pose * Point3::new(p[0].into(), p[1].into(), p[2].into());
+            let points = scan.points.iter().map(place).collect();
+            (scan, points)
+        }
+    }
+
+    #[test]
+    fn points_of_the_street_lie_on_the_ground_and_houses_off_the_street() {
+        let world = world();
+        let ground = world.town.scene.ground();
+        for frame in [0, 57, 119] {
+            let (scan, points) = world.scan(frame);
+            for (label, point) in scan.labels.iter().zip(&points) {
+                let place = world.town.plan.place(world.town.plan.plan_from_town(point.xy()).cast());
+                match label & 0xffff {
+                    40 | 44 | 60 => {
+                        assert!((ground.height(point.xy()) - point.z).abs() < 0.03, "{label} {point}");
+                        assert!(place.outside_m < 0.02, "{label} {place:?}");
+                    }
+                    // A kerb is steep: the height of a point on its face says little.
+                    48 if place.outside_m > 0.1 => {
+                        assert!((ground.height(point.xy()) - point.z).abs() < 0.03, "{label} {point}");
+                    }
+                    48 | 72 => assert!(place.outside_m > -0.02, "{label} {place:?}"),
+                    50 | 51 => assert!(place.outside_m > 1.0, "{label} {place:?}"),
+                    10 if (label >> 16) < u32::from(world.town.next_instance) => {
+                        assert!(point.z > ground.height(point.xy()) - 0.05, "{label} {point}");
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_what_moves_has_a_moving_id_and_lies_where_its_actor_is() {
+        let world = world();
+        let mut seen = [0, 0];
+        for frame in (0..120).step_by(17) {
+            let (scan, points) = world.scan(frame);
+            for (label, point) in scan.labels.iter().zip(&points) {
+                let instance = (label >> 16) as u16;
+                if instance < world.town.next_instance {
+                    assert!(!labels::is_moving(*label), "{label}");
+                    continue;
+                }
+                let actor = world.crowd.actor(instance).expect("an actor for each instance");
+                let state = actor.at(frame as f64 * SCAN_S).expect("present when seen");
+                assert_eq!(labels::is_moving(*label), state.speed_mps > 0.3, "{label} {state:?}");
+                let (_, radius_m) = actor.kind.sphere();
+                assert!((point.xy() - state.position).norm() < f64::from(radius_m) + 0.1);
+                seen[usize::from(labels::is_moving(*label))] += 1;
+            }
+        }
+        assert!(seen[0] > 20 && seen[1] > 100, "{seen:?}");
+    }
+
+    #[test]
+    fn shape_of_what_is_far_away_does_not_hide_what_is_near() {
+        let world = world();
+        let (scan, _) = world.scan(30);
+        let nothing = Crowd::draw(
+            &Options { traffic: Traffic::None, ..world.options.clone() },
+            &world.town,
+            &world.drive,
+        );
+        let empty = World { crowd: nothing, ..world };
+        let (without, _) = empty.scan(30);
+        let still = |scan: &Scan| -> Vec<[u32; 4]> {
+            let town = |label: &u32| (label >> 16) < u32::from(empty.town.next_instance);
+            let points = scan.points.iter().zip(&scan.labels).filter(|(_, label)| town(label));
+            points.map(|(point, _)| point.map(f32::to_bits)).collect()
+        };
+        let all: std::collections::BTreeSet<_> = still(&without).into_iter().collect();
+        assert!(still(&scan).iter().all(|point| all.contains(point)), "traffic changed the town");
+        assert!(still(&scan).len() < all.len());
+    }
 }

@@ -146,7 +146,7 @@ impl Scene {
             found = found.filter(|echo: &Echo| echo.hit.range_m <= step.to_m + 0.3);
             if lowest <= self.ground_bounds[step.cell].1 {
                 let end = found.map_or(step.to_m, |echo| echo.hit.range_m.min(step.to_m));
-                found = self.hit_ground(ray, step.from_m..end).or(found);
+                found = self.hit_ground(ray, step.from_m..end, self.ground_bounds[step.cell]).or(found);
             }
             if found.is_some() {
                 return found;
@@ -160,7 +160,11 @@ impl Scene {
         first_hit(here, &self.facades, ray, key, limit_m)
     }
 
-    fn hit_ground(&self, ray: &Ray, span: Range<f32>) -> Option<Echo> {
+    fn hit_ground(&self, ray: &Ray, span: Range<f32>, heights: (f32, f32)) -> Option<Echo> {
+        let span = between_heights(ray, span, heights);
+        if span.is_empty() {
+            return None;
+        }
         let (hit, cover) = self.ground.hit(ray, span.start, span.end)?;
         Some(Echo { hit, surface: Surface::matte(cover.label, cover.reflectance) })
     }
@@ -174,5 +178,30 @@ impl Scene {
                 gap.norm() > radius_m || high.z < heights.start || low.z > heights.end
             })
         })
+    }
+}
+
+/// The part of a span of ranges in which the ray is between two heights.
+fn between_heights(ray: &Ray, span: Range<f32>, (low, high): (f32, f32)) -> Range<f32> {
+    let rate = ray.direction.z;
+    if rate.abs() < 1e-4 {
+        return span;
+    }
+    let (a, b) = ((low - ray.origin.z) / rate, (high - ray.origin.z) / rate);
+    span.start.max(a.min(b))..span.end.min(a.max(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::shape::Vec3;
+
+    #[test]
+    fn span_is_cut_where_the_ray_leaves_the_heights() {
+        let falling = Ray { origin: Vec3::new(0.0, 0.0, 2.0), direction: Vec3::new(0.8, 0.0, -0.6) };
+        let span = between_heights(&falling, 0.0..100.0, (0.2, 1.4));
+        assert!((span.start - 1.0).abs() < 1e-6 && (span.end - 3.0).abs() < 1e-6, "{span:?}");
+        let rising = Ray { direction: Vec3::new(0.8, 0.0, 0.6), ..falling };
+        assert!(between_heights(&rising, 0.0..100.0, (0.2, 1.4)).is_empty());
     }
 }

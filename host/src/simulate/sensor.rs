@@ -117,9 +117,10 @@ fn loss(options: &SensorOptions, range_m: f32, reflectance: f32, slant: f32) -> 
 
 fn remission(finish: Finish, reflectance: f32, slant: f32, random: &mut Random) -> f32 {
     let exact = if finish == Finish::Retro { 1.2 * reflectance } else { reflectance * (0.6 + 0.4 * slant) };
-    let noisy = exact + random.normal() * (0.015 + 0.12 * exact);
+    let noisy = exact + random.normal() * (0.02 + 0.2 * exact);
     let quantised = (100.0 * noisy).round() / 100.0;
-    if random.chance(0.05) { 0.0 } else { quantised.clamp(0.0, 0.99) }
+    let nothing = 0.02 + 0.8 * (-exact / 0.06).exp();
+    if random.chance(nothing) { 0.0 } else { quantised.clamp(0.0, 0.99) }
 }
 
 #[cfg(test)]

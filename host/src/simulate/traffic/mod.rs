@@ -7,7 +7,7 @@ mod vehicles;
 
 use nalgebra::Isometry3;
 
-use actor::Actor;
+pub use actor::Actor;
 use spacing::Spacing;
 
 use super::{
@@ -80,6 +80,12 @@ impl Crowd {
         Self { actors: cast.actors }
     }
 
+    /// The actor with an instance number.
+    #[cfg(test)]
+    pub fn actor(&self, instance: u16) -> Option<&Actor> {
+        self.actors.iter().find(|actor| actor.instance == instance)
+    }
+
     /// What is within `reach_m` of a place at a time.
     pub fn presences(&self, town: &Town, time_s: f64, near: Vec3, reach_m: f32) -> Vec<Presence> {
         let ground = town.scene.ground();
@@ -129,5 +135,54 @@ impl Casting<'_> {
         let time_s = self.duration_s * f64::from(random.unit());
         let p = self.town.plan.plan_from_town(self.drive.at(time_s).0.position).cast();
         (time_s, p, self.town.plan.place(p).crossing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heavy() -> (Town, Drive, Crowd) {
+        let options = Options { traffic: Traffic::Heavy, frames: 150, ..Options::demo() };
+        let town = Town::build(options.seed, &options.town);
+        let drive = Drive::plan(&options, &town.plan);
+        let crowd = Crowd::draw(&options, &town, &drive);
+        (town, drive, crowd)
+    }
+
+    #[test]
+    fn nothing_floats_or_sinks() {
+        let (town, drive, crowd) = heavy();
+        let ground = town.scene.ground();
+        for frame in [0, 70, 149] {
+            let time_s = frame as f64 * SCAN_S;
+            let near = drive.town_from_sensor(ground, time_s).translation.vector.cast();
+            for presence in crowd.presences(&town, time_s, near, 80.0) {
+                let bounds: Vec<_> = presence.solids.iter().map(|s| s.shape.bounds()).collect();
+                let (low, _) = bounds.iter().min_by(|a, b| a.0.z.total_cmp(&b.0.z)).expect("solids");
+                let floor = ground.height(presence.centre.xy().cast::<f64>().into()) as f32;
+                assert!((low.z - floor).abs() < 0.25, "{} over {floor}", low.z);
+                for (low, high) in bounds {
+                    let reach = (0.5 * (low + high) - presence.centre).norm() + 0.5 * (high - low).norm();
+                    assert!(reach < 1.45 * presence.radius_m, "outside its sphere: {reach}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nobody_touches_the_vehicle_and_heavy_traffic_is_heavy() {
+        let (_, drive, crowd) = heavy();
+        let mut moving = 0;
+        for actor in &crowd.actors {
+            for step in 0..150 {
+                let time_s = f64::from(step) * SCAN_S;
+                let Some(state) = actor.at(time_s) else { continue };
+                let distance = (state.position - drive.at(time_s).0.position).norm();
+                assert!(distance > 1.3, "{:?} at {time_s} s", actor.kind);
+                moving += usize::from(step == 0 && state.is_moving());
+            }
+        }
+        assert!(moving >= 10, "{moving}");
     }
 }

@@ -60,16 +60,16 @@ pub fn add_walker(cast: &mut Casting, random: &mut Random) {
     let Some(side) = Sidewalk::near(cast, random) else { return };
     let outside = side.clear_offset(random);
     let path =
-        Path::along_line(&cast.town.plan, &[side.at(1.5, outside), side.at(side.length_m() - 1.5, outside)]);
+        Path::along_line(&cast.town.plan, &[side.at(5.5, outside), side.at(side.length_m() - 5.5, outside)]);
     offer_pacing(cast, path, 1.0, random);
 }
 
 /// Someone who crosses a street near a crossing, and back after a pause.
 pub fn add_crosser(cast: &mut Casting, random: &mut Random) {
     let Some(side) = Sidewalk::near(cast, random) else { return };
-    let at = if random.chance(0.5) { 2.5 } else { side.length_m() - 2.5 };
+    let at = if random.chance(0.5) { 3.2 } else { side.length_m() - 3.2 };
     let reach = 2.0 * f64::from(side.street.half_width_m);
-    let path = Path::along_line(&cast.town.plan, &[side.at(at, 1.0), side.at(at, -reach - 1.0)]);
+    let path = Path::along_line(&cast.town.plan, &[side.at(at, 1.3), side.at(at, -reach - 1.3)]);
     offer_pacing(cast, path, 4.0, random);
 }
 

@@ -62,7 +62,7 @@ pub fn add_cyclist(cast: &mut Casting, random: &mut Random) {
     let mut nodes: Vec<_> = to_border(plan, crossing, entry).into_iter().rev().collect();
     nodes.push(crossing);
     nodes.extend(to_border(plan, crossing, entry.map(|d| -d)));
-    let Some(path) = lane(plan, &nodes, 2.9) else { return };
+    let Some(path) = lane(plan, &nodes, 2.75) else { return };
     let cruise = f64::from(random.between(3.5, 6.0));
     let table = TimeTable::new(&path, &pace(cruise), None);
     let start_s = time_s - time_at(cast, &path, &table, plan.crossing(crossing));

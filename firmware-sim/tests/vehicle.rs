@@ -1,0 +1,202 @@
+//! The on-vehicle loop on a board that is stricter than a device.
+
+use std::thread;
+
+use sdslam_core::estimate::BufferUse;
+use sdslam_core::{
+    Config, FrameEstimate, FrameStatus, LabelledPoint, Odometry, OdometryError, SemanticClass,
+};
+use sdslam_firmware_sim::{Board, Fault, ScanHeader, Totals, memory, run};
+
+const POINTS: usize = 16384;
+
+type SmallOdometry = Odometry<4096, 128, 32, 16, 512, 32>;
+
+/// Built on a thread with room for it: it passes through the stack.
+fn odometry() -> Box<SmallOdometry> {
+    let build = || SmallOdometry::new(Config::accurate()).map(Box::new);
+    let thread = thread::Builder::new().stack_size(4 * size_of::<SmallOdometry>() + (1 << 20));
+    let built = thread.spawn(build).expect("a thread").join().expect("enough stack");
+    built.expect("the presets are valid")
+}
+
+/// A scan of `size` points: a short street with a house at its end and poles beside it, seen after driving `travelled_m`.
+fn street(size: usize, travelled_m: f32) -> Vec<LabelledPoint> {
+    let point = |i: usize| {
+        // Places from irrational steps: spread evenly, no two the same.
+        let (a, b) = ((i as f32 * 0.618_034).fract(), (i as f32 * 0.754_877).fract());
+        let (along, height) = (24.0 * a - 12.0, 3.0 * b - 1.7);
+        let (x, y, z, class) = match i % 5 {
+            0 => (along, -6.4, height, SemanticClass::Building),
+            1 => (along, 6.4, height, SemanticClass::Building),
+            2 => (12.3, 12.8 * a - 6.4, height, SemanticClass::Building),
+            3 => (4.0 * (6.0 * a).floor() - 10.0 + 0.05 * b, 4.0, height, SemanticClass::Pole),
+            _ => (along, 12.8 * b - 6.4, -1.7, SemanticClass::Road),
+        };
+        LabelledPoint::new([x - travelled_m, y, z], class)
+    };
+    (0..size).map(point).collect()
+}
+
+/// Panics on an estimate that no scan has asked for; fails once `fail_at` scans were fetched.
+#[derive(Default)]
+struct FakeBoard {
+    scans: Vec<(f64, Vec<LabelledPoint>)>,
+    fail_at: Option<usize>,
+    fetched: usize,
+    awaits_estimate: bool,
+    estimates: Vec<FrameEstimate>,
+    faults: Vec<Fault>,
+}
+
+impl Board for FakeBoard {
+    type Error = &'static str;
+
+    fn next_scan(&mut self, points: &mut [LabelledPoint]) -> Result<Option<ScanHeader>, Self::Error> {
+        if self.fail_at == Some(self.fetched) {
+            return Err("the sensor is gone");
+        }
+        let Some((stamp_s, scan)) = self.scans.get(self.fetched) else { return Ok(None) };
+        for (to, from) in points.iter_mut().zip(scan) {
+            *to = *from;
+        }
+        self.fetched += 1;
+        self.awaits_estimate = true;
+        Ok(Some(ScanHeader { stamp_s: *stamp_s, points: scan.len() }))
+    }
+
+    fn publish(&mut self, estimate: &FrameEstimate) -> Result<(), Self::Error> {
+        assert!(self.awaits_estimate, "published twice, or without a scan");
+        self.awaits_estimate = false;
+        self.estimates.push(*estimate);
+        Ok(())
+    }
+
+    fn fault(&mut self, fault: Fault) {
+        self.faults.push(fault);
+    }
+}
+
+/// Drives through `scans` with a buffer of `capacity` points.
+fn drive_with(mut board: FakeBoard, capacity: usize) -> (FakeBoard, Totals, Result<(), &'static str>) {
+    let mut points = vec![LabelledPoint::new([0.0; 3], SemanticClass::Unlabelled); capacity];
+    let mut totals = Totals::default();
+    let end = run(&mut board, &mut odometry(), &mut points, &mut totals);
+    (board, totals, end)
+}
+
+fn drive(scans: Vec<(f64, Vec<LabelledPoint>)>) -> (FakeBoard, Totals) {
+    let (board, totals, end) = drive_with(FakeBoard { scans, ..FakeBoard::default() }, POINTS);
+    end.expect("this board does not fail");
+    (board, totals)
+}
+
+fn steady(frames: usize) -> Vec<(f64, Vec<LabelledPoint>)> {
+    (0..frames).map(|frame| (0.1 * frame as f64, street(16000, 0.3 * frame as f32))).collect()
+}
+
+#[test]
+fn every_scan_is_published_once_and_in_order() {
+    let (board, totals) = drive(steady(6));
+    assert_eq!((totals.scans, totals.estimates, totals.predicted, totals.faults), (6, 6, 0, 0));
+    let frames: Vec<u32> = board.estimates.iter().map(|estimate| estimate.frame).collect();
+    assert_eq!(frames, [0, 1, 2, 3, 4, 5]);
+    let x = board.estimates.last().map(|estimate| estimate.map_from_sensor.translation.x);
+    assert!(x.is_some_and(|x| (x - 1.5).abs() < 0.1), "driven 1.5 m, found {x:?}");
+}
+
+#[test]
+fn a_refused_scan_is_a_fault_and_changes_nothing_else() {
+    let (without, _) = drive(steady(5));
+    for (stamp_s, error) in [
+        (0.05, OdometryError::TimeWentBack { previous_s: 0.2, current_s: 0.05 }),
+        (0.2, OdometryError::TimeWentBack { previous_s: 0.2, current_s: 0.2 }),
+        (f64::NAN, OdometryError::StampNotFinite),
+    ] {
+        let mut scans = steady(5);
+        scans.insert(3, (stamp_s, street(16000, 3.0)));
+        let (with, totals) = drive(scans);
+        assert_eq!(with.faults, [Fault::Refused(error)]);
+        assert_eq!((totals.scans, totals.estimates, totals.faults), (6, 5, 1));
+        assert_eq!(with.estimates, without.estimates);
+    }
+}
+
+#[test]
+fn an_over_full_scan_is_a_fault_and_is_cut() {
+    let capacity = 6000;
+    let (cut, ..) =
+        drive_with(FakeBoard { scans: vec![(0.0, street(capacity, 0.0))], ..FakeBoard::default() }, capacity);
+    let (full, totals, _) =
+        drive_with(FakeBoard { scans: vec![(0.0, street(16000, 0.0))], ..FakeBoard::default() }, capacity);
+    assert_eq!(full.faults, [Fault::PointsLost { received: 16000, capacity }]);
+    assert_eq!(full.estimates, cut.estimates);
+    assert_eq!(full.estimates[0].evidence.points.received, capacity as u32);
+    assert_eq!((totals.faults, totals.high_water.points), (1, 16000));
+}
+
+#[test]
+fn a_scan_that_cannot_be_registered_is_counted() {
+    let mut scans = steady(4);
+    scans[2].1.clear();
+    let (board, totals) = drive(scans);
+    assert!(matches!(board.estimates[2].status, FrameStatus::Predicted(_)));
+    assert_eq!((totals.estimates, totals.predicted, totals.faults), (4, 1, 0));
+}
+
+/// All fields, in the order of the struct.
+fn fields(buffers: &BufferUse) -> [u32; 10] {
+    let b = buffers;
+    [
+        b.cells,
+        b.cells_refused,
+        b.landmarks,
+        b.landmarks_refused,
+        b.tracks,
+        b.tracks_refused,
+        b.voxels,
+        b.voxels_evicted,
+        b.submap_landmarks,
+        b.submap_landmarks_evicted,
+    ]
+}
+
+#[test]
+fn high_water_marks_are_the_most_of_any_scan() {
+    let mut scans: Vec<_> = steady(3);
+    // More things of movable classes than there are landmarks and tracks.
+    let crowd = (0..40).flat_map(|thing| {
+        let (x, y) = (3.0 * (thing % 8) as f32 - 12.0, 3.0 * (thing / 8) as f32 - 6.0);
+        (0..40).map(move |i| {
+            LabelledPoint::new([x, y + 0.01 * i as f32, 0.04 * i as f32 - 1.0], SemanticClass::Person)
+        })
+    });
+    scans[1].1 = crowd.collect();
+    let (board, totals) = drive(scans);
+    let most = board.estimates.iter().map(|estimate| fields(&estimate.evidence.buffers));
+    let most = most.reduce(|a, b| std::array::from_fn(|k| a[k].max(b[k]))).expect("estimates");
+    let high = totals.high_water;
+    assert_eq!(fields(&high.buffers), most);
+    assert_eq!(high.points, 16000);
+    assert!(high.buffers.landmarks_refused > 0 && high.buffers.tracks_refused > 0, "{high:?}");
+    let last = board.estimates[2].evidence.buffers;
+    assert!(high.buffers.landmarks > last.landmarks, "the mark stays when the crowd is gone: {last:?}");
+}
+
+#[test]
+fn an_error_of_the_board_ends_the_loop_and_keeps_the_totals() {
+    let board = FakeBoard { scans: steady(5), fail_at: Some(3), ..FakeBoard::default() };
+    let (board, totals, end) = drive_with(board, POINTS);
+    assert_eq!(end, Err("the sensor is gone"));
+    assert_eq!((totals.scans, totals.estimates, board.estimates.len()), (3, 3, 3));
+}
+
+#[test]
+fn the_parts_of_the_memory_are_the_whole() {
+    let odometry = odometry();
+    let parts = memory::parts(&odometry);
+    let bytes: usize = parts.iter().map(|part| part.bytes).sum();
+    assert_eq!(bytes, size_of::<SmallOdometry>());
+    let rest = parts.last().map(|part| part.bytes);
+    assert!(rest.is_some_and(|rest| rest < bytes / 50), "parts that have no row: {rest:?} of {bytes} bytes");
+}
