@@ -71,9 +71,13 @@ fn equation_5_tells_nothing_from_the_velocity_of_a_steady_mover() {
 
 #[test]
 fn both_rules_let_a_standing_car_stand() {
+    let decided = motion_state::Config::DEFAULT.min_hits as usize;
     for rule in [Rule::Paper, Rule::Evidence] {
         let states = states_of_car(rule, 0.0, 20);
-        assert!(states[3..].iter().all(|(s, v)| *s == MotionState::SemiStatic && *v < 0.05), "{states:?}");
+        assert!(
+            states[decided..].iter().all(|(s, v)| *s == MotionState::SemiStatic && *v < 0.05),
+            "{states:?}"
+        );
         assert_eq!(states[0].0, MotionState::Undecided);
     }
 }
@@ -86,28 +90,33 @@ fn the_filter_learns_the_speed_of_a_mover() {
     }
 }
 
-#[test]
-fn a_track_survives_eight_frames_without_its_car_and_no_more() {
+/// The car's track is the same after it was seen `hits` times and then not for `gap` frames.
+fn survives(hits: u32, gap: u32) -> bool {
     let config = motion_state::Config::DEFAULT;
-    for (gap, same) in [(config.max_misses, true), (config.max_misses + 1, false)] {
-        let mut tracks = heapless::Vec::<tracker::Track, 8>::new();
-        let (visibility, mut next_id) = (Box::new(Visibility::new()), 0);
-        let mut step = |mut landmarks: Vec<Landmark>| {
-            tracker::update(
-                &config,
-                0.1,
-                &pose::IDENTITY,
-                &mut landmarks,
-                &visibility,
-                &mut next_id,
-                &mut tracks,
-            );
-            landmarks.first().and_then(|l| l.track)
-        };
-        let before = (0..5).map(|_| step(car_at(10.0, 6.0))).last();
-        (0..gap).for_each(|_| assert_eq!(step(Vec::new()), None));
-        assert_eq!(step(car_at(10.0, 6.0)) == before.flatten(), same, "after {gap} frames");
-    }
+    let mut tracks = heapless::Vec::<tracker::Track, 8>::new();
+    let (visibility, mut next_id) = (Box::new(Visibility::new()), 0);
+    let mut step = |mut landmarks: Vec<Landmark>| {
+        tracker::update(
+            &config,
+            0.1,
+            &pose::IDENTITY,
+            &mut landmarks,
+            &visibility,
+            &mut next_id,
+            &mut tracks,
+        );
+        landmarks.first().and_then(|l| l.track)
+    };
+    let before = (0..hits).map(|_| step(car_at(10.0, 6.0))).last().flatten();
+    (0..gap).for_each(|_| assert_eq!(step(Vec::new()), None));
+    step(car_at(10.0, 6.0)) == before
+}
+
+#[test]
+fn a_track_survives_some_frames_without_its_car_and_no_more() {
+    let limit = motion_state::Config::DEFAULT.max_misses;
+    assert!(survives(2 * limit, limit) && !survives(2 * limit, limit + 1));
+    assert!(survives(1, 1) && !survives(1, 4), "a young one is given up sooner");
 }
 
 #[test]

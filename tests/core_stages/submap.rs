@@ -82,7 +82,7 @@ fn source_of(points: &[(Vector3<f32>, Group)], seen_from: &Pose) -> Vec<SourcePo
 
 fn register(map: &VoxelMap<512>, source: &[SourcePoint], start: &Pose) -> dense::Registration {
     let (config, voxels) = (dense::Config::DEFAULT, voxel_map::Config::DEFAULT);
-    dense::register(&config, &voxels, map, 0.0, source, start, &Vector6::zeros())
+    dense::register(&config, &voxels, map, 0.0, source, start)
 }
 
 #[test]
