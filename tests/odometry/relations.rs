@@ -46,6 +46,25 @@ fn a_turned_sensor_measures_the_same_motion() {
 }
 
 #[test]
+fn the_papers_height_follows_the_ground_under_a_tilted_sensor() {
+    // Nose down by 1.7 degrees: driving along the ground is climbing in the sensor's frame.
+    let mount =
+        MapPose::from_parts(Vector3::zeros().into(), UnitQuaternion::from_euler_angles(0.0, 0.03, 0.0));
+    let moved = drive().with_points_moved(|p| turned(&mount.inverse(), p));
+    let estimates = moved.run(&mut full_scan(Config::paper()));
+    let last = drive().truth()[FRAMES - 1];
+    let expected = mount.inverse() * last * mount;
+    let found = estimates[FRAMES - 1].map_from_sensor.translation;
+    assert!(expected.translation.z > 0.6, "{expected}");
+    assert!(
+        (found.z - expected.translation.z).abs() < 0.15,
+        "{} instead of {}",
+        found.z,
+        expected.translation.z
+    );
+}
+
+#[test]
 fn a_mirrored_scene_gives_the_mirrored_motion() {
     let mirrored = drive().with_points_moved(|[x, y, z]| [x, -y, z]);
     let mirror = |pose: MapPose| {
