@@ -3,19 +3,21 @@
 //!
 //! | capacity | full scan | bytes each | what happens when it is full |
 //! | --- | --- | --- | --- |
-//! | `CELLS` | 32768 | 64 + 4 + 40 + 16 | further points are counted as `over_capacity` and left out |
-//! | `INSTANCES` | 2048 | 28 | further instances are left out, counted as `landmarks_refused` |
-//! | `LANDMARKS` | 384 | 2 x 976 | movable first, then small, then the largest are kept; `landmarks_refused` |
-//! | `TRACKS` | 256 | 952 | a landmark without a track stays undecided; `tracks_refused` |
-//! | `VOXEL_SETS` | 8192 | 8 x 88 | the voxel of the set seen longest ago is replaced; `voxels_evicted` |
-//! | `MAP_LANDMARKS` | 512 | 980 | the landmark seen longest ago is dropped; `submap_landmarks_evicted` |
+//! | `CELLS` | 32768 | 68 cell and slots, 38 clustering, 16 registration | further points are left out, counted as `over_capacity` |
+//! | `INSTANCES` | 2048 | 44 | further instances are left out, counted as `landmarks_refused` |
+//! | `LANDMARKS` | 384 | 2 x 960, this scan's and the last one's | movable ones come first, then small, then the largest; `landmarks_refused` |
+//! | `TRACKS` | 256 | 808 | a landmark without a track stays undecided; `tracks_refused` |
+//! | `VOXEL_SETS` | 8192 | 8 x 80 | the voxel of the set seen longest ago is replaced; `voxels_evicted` |
+//! | `MAP_LANDMARKS` | 512 | 968 | the landmark seen longest ago is dropped; `submap_landmarks_evicted` |
+//!
+//! Not chosen by a profile: the range images of the last second (11 x 45 KiB) and the hull pairs ([`PAIRS`]).
 //!
 //! The points of a scan (16 bytes each) are the caller's.
 
 use crate::odometry::Odometry;
 
-/// Landmark pairs whose hulls are registered, nearest first: 64 x 1.1 kB.
-pub const PAIRS: usize = 64;
+/// Landmark pairs whose hulls are registered, nearest first: 48 x 560 B.
+pub const PAIRS: usize = 48;
 
 /// Profile for full scans of a 64-beam LiDAR, 10 times a second.
 pub type FullScanOdometry = Odometry<32768, 2048, 384, 256, 8192, 512>;

@@ -195,7 +195,7 @@ pub struct Evidence {
     pub motion: MotionEvidence,
     /// Horizontal pose, scan to submap (section 3.4.1).
     pub horizontal: HullEvidence,
-    /// Vertical pose (section 3.4.2).
+    /// Vertical pose (section 3.4.2); zero where the dense refinement carries it.
     pub ground: GroundEvidence,
     /// Dense refinement (`accurate` preset).
     pub dense: DenseEvidence,

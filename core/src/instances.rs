@@ -190,12 +190,14 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
     pub fn find(&mut self, config: &Config, cells: &mut ScanCells<CELLS>, local_from_sensor: &Pose) {
         self.found.clear();
         self.refused = 0;
-        let families = SemanticClass::ALL.iter().filter(|c| {
-            matches!(c.motion(), MotionClass::PureStatic | MotionClass::UnknownMotion)
-                && config.family(**c) == **c
-        });
-        for family in families {
-            self.find_family(config, *family, cells.cells_mut(), local_from_sensor);
+        let mut present = [false; SemanticClass::COUNT];
+        for cell in cells.cells() {
+            present[config.family(cell.class) as usize] = true;
+        }
+        let landmarks =
+            |c: &SemanticClass| matches!(c.motion(), MotionClass::PureStatic | MotionClass::UnknownMotion);
+        for family in SemanticClass::ALL.into_iter().filter(|c| landmarks(c) && present[*c as usize]) {
+            self.find_family(config, family, cells.cells_mut(), local_from_sensor);
         }
     }
 
@@ -207,7 +209,8 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
         local_from_sensor: &Pose,
     ) {
         self.members.clear();
-        for (id, cell) in cells.iter().enumerate().filter(|(_, c)| config.family(c.class) == family) {
+        let member = SemanticClass::ALL.map(|c| config.family(c) == family);
+        for (id, cell) in cells.iter().enumerate().filter(|(_, c)| member[c.class as usize]) {
             let mean = cell.mean();
             let range = math::sqrt(mean.norm_squared());
             let radius = config.of(cell.class).radius_m.max(config.radius_per_range * range);

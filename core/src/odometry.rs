@@ -94,6 +94,11 @@ impl Default for Config {
 /// The origin of the local frame follows the vehicle in steps of about this length [m], so that single precision does.
 const ANCHOR_STEP_M: f32 = 160.0;
 
+/// When the speed is not known, starts of the dense refinement are tried this far apart along the vehicle's axis [m],
+const RECOVERY_STEP_M: f32 = 0.4;
+/// and this many of them in each direction: enough for 40 m/s at 10 scans a second.
+const RECOVERY_STEPS: u32 = 10;
+
 /// Where the vehicle is and how it moved. The local frame is the map frame moved to the anchor.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
@@ -366,8 +371,6 @@ impl<
         evidence: &mut Evidence,
     ) -> (Pose, FrameStatus, Matrix6<f32>) {
         let config = self.config.precise_pose;
-        let (ground, ground_evidence) = vertical::fit(&config.vertical, self.cells.cells());
-        evidence.ground = ground_evidence;
         if self.frame == 0 {
             return (*predicted, FrameStatus::First, Matrix6::identity() * 1e8);
         }
@@ -381,6 +384,8 @@ impl<
         if config.dense.enabled {
             return self.dense_pose(predicted, &start, evidence);
         }
+        let (ground, ground_evidence) = vertical::fit(&config.vertical, self.cells.cells());
+        evidence.ground = ground_evidence;
         let pose = match ground {
             Some(ground) => self.with_vertical(&start, &ground),
             None => start,
@@ -443,11 +448,27 @@ impl<
         let config = self.config.precise_pose;
         self.gather_source();
         let path_m = self.motion.path_m;
-        let at =
+        let score =
             |p: &Pose| dense::score(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, p);
-        let start = if at(predicted) >= at(start) { predicted } else { start };
+        let mut best = (score(predicted), *predicted);
+        let mut consider = |candidate: Pose| {
+            let value = score(&candidate);
+            if value > best.0 {
+                best = (value, candidate);
+            }
+        };
+        consider(*start);
+        if self.motion.lost > 0 {
+            // The speed is not known: at the start, or after frames that were not registered.
+            for step in 1..=RECOVERY_STEPS {
+                for x in [RECOVERY_STEP_M, -RECOVERY_STEP_M] {
+                    consider(predicted * Translation3::new(x * step as f32, 0.0, 0.0));
+                }
+            }
+        }
+        let start = best.1;
         let result =
-            dense::register(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, start);
+            dense::register(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, &start);
         evidence.dense = result.evidence;
         let corrected_m = (result.local_from_sensor.translation.vector - start.translation.vector).norm();
         let status = if result.evidence.inliers < config.dense.min_inliers {

@@ -24,8 +24,8 @@ pub struct Point {
     pub id: u16,
     /// Result: cluster, or [`NOISE`].
     pub cluster: u16,
-    /// Column x, y and height z of its cube in the search grid.
-    cube: [i16; 3],
+    /// Place in the search grid, 16 bits each: column x, y, height z of its cube; then the id. In the order of a search.
+    key: u64,
     /// In the first point of a column: first point of the next column in the same bucket.
     next: u16,
     /// In the first point of a column: a core point of the one tree that holds all its core points, or [`NOISE`].
@@ -34,19 +34,15 @@ pub struct Point {
 }
 
 impl Point {
+    /// Column x, y of its cube.
+    #[inline]
+    fn column(&self) -> u64 {
+        self.key >> 32
+    }
+
     /// A point before clustering.
     pub const fn new(position: [f32; 3], radius: f32, weight: u32, id: u16) -> Self {
-        Self {
-            position,
-            radius,
-            weight,
-            id,
-            cluster: NOISE,
-            cube: [0; 3],
-            next: NOISE,
-            tree: NOISE,
-            core: false,
-        }
+        Self { position, radius, weight, id, cluster: NOISE, key: 0, next: NOISE, tree: NOISE, core: false }
     }
 }
 
@@ -73,9 +69,8 @@ impl<const N: usize> Default for Scratch<N> {
 }
 
 #[inline]
-fn bucket(x: i16, y: i16) -> usize {
-    let key = (x as u16 as u32) << 16 | y as u16 as u32;
-    (key.wrapping_mul(0x9E37_79B1) >> 16) as usize & (BUCKETS - 1)
+fn bucket(column: u64) -> usize {
+    ((column as u32).wrapping_mul(0x9E37_79B1) >> 16) as usize & (BUCKETS - 1)
 }
 
 /// Clusters `points` (at most `N` and 65534), which are reordered; gives the number of clusters. `cube_m` is the side of the search grid [m],
@@ -88,15 +83,7 @@ pub fn cluster<const N: usize>(
 ) -> u16 {
     let grid = Grid::build(points, &mut scratch.first, cube_m);
     for i in 0..points.len() {
-        let mut weight = points[i].weight;
-        if weight < min_weight {
-            weight = 0;
-            grid.for_neighbours(points, i, |j, _| {
-                weight += points[j].weight;
-                weight < min_weight
-            });
-        }
-        points[i].core = weight >= min_weight;
+        points[i].core = grid.is_core(points, i, min_weight);
     }
     let parents = &mut scratch.parents;
     parents.clear();
@@ -117,13 +104,14 @@ impl<'a> Grid<'a> {
         first.fill(NOISE);
         let per_metre = 1.0 / cube_m;
         for point in points.iter_mut() {
-            point.cube = point.position.map(|v| floor_i32(v * per_metre) as i16);
+            let [x, y, z] = point.position.map(|v| lattice(v, per_metre));
+            point.key = x << 48 | y << 32 | z << 16 | u64::from(point.id);
         }
-        points.sort_unstable_by_key(|p| (p.cube, p.id));
+        points.sort_unstable_by_key(|p| p.key);
         for i in 0..points.len() {
-            let [x, y, _] = points[i].cube;
-            if i == 0 || points[i - 1].cube[..2] != [x, y] {
-                let head = &mut first[bucket(x, y)];
+            let column = points[i].column();
+            if i == 0 || points[i - 1].column() != column {
+                let head = &mut first[bucket(column)];
                 points[i].next = *head;
                 *head = i as u16;
             }
@@ -131,12 +119,12 @@ impl<'a> Grid<'a> {
         Self { first, per_metre }
     }
 
-    /// Points of a column, and index of the first of them.
+    /// Points from the first of a column on, and its index; no points when the column is empty.
     #[inline]
-    fn column<'p>(&self, points: &'p [Point], x: i16, y: i16) -> (usize, &'p [Point]) {
-        let mut at = self.first[bucket(x, y)];
+    fn column<'p>(&self, points: &'p [Point], column: u64) -> (usize, &'p [Point]) {
+        let mut at = self.first[bucket(column)];
         while let Some(point) = points.get(at as usize) {
-            if point.cube[..2] == [x, y] {
+            if point.column() == column {
                 return (at as usize, &points[at as usize..]);
             }
             at = point.next;
@@ -144,45 +132,69 @@ impl<'a> Grid<'a> {
         (0, &[])
     }
 
-    /// Columns and heights that the neighbourhood of a point touches: smallest and largest cube.
+    /// Columns and heights that the neighbourhood of a point touches: smallest and largest x, y, z.
     #[inline]
-    fn reach(&self, point: &Point) -> ([i16; 3], [i16; 3]) {
-        let cube =
-            |sign: f32| point.position.map(|v| floor_i32((v + sign * point.radius) * self.per_metre) as i16);
+    fn reach(&self, point: &Point) -> ([u64; 3], [u64; 3]) {
+        let cube = |sign: f32| point.position.map(|v| lattice(v + sign * point.radius, self.per_metre));
         (cube(-1.0), cube(1.0))
     }
 
-    /// Calls `visit(neighbour, squared distance)` for the neighbours of point `i`, itself included, until it says `false`.
+    /// The neighbours of point `i` reach the weight. The point itself and its column come first: they mostly do.
+    fn is_core(&self, points: &[Point], i: usize, min_weight: u32) -> bool {
+        let point = &points[i];
+        let (low, high) = self.reach(point);
+        let own = point.column();
+        let columns = (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| x << 16 | y));
+        let mut weight = point.weight;
+        for column in core::iter::once(own).chain(columns.filter(|c| *c != own)) {
+            if weight >= min_weight {
+                return true;
+            }
+            let (start, column) = self.column(points, column);
+            for (offset, _) in within(column, point, low[2], high[2]) {
+                if start + offset != i {
+                    weight += points[start + offset].weight;
+                }
+            }
+        }
+        weight >= min_weight
+    }
+
+    /// Calls `visit(neighbour, squared distance)` for the neighbours of point `i`, itself included.
     #[inline]
-    fn for_neighbours(&self, points: &[Point], i: usize, mut visit: impl FnMut(usize, f32) -> bool) {
+    fn for_neighbours(&self, points: &[Point], i: usize, mut visit: impl FnMut(usize, f32)) {
         let (low, high) = self.reach(&points[i]);
         for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
-                let (start, column) = self.column(points, x, y);
+                let (start, column) = self.column(points, x << 16 | y);
                 for (offset, distance2) in within(column, &points[i], low[2], high[2]) {
-                    if !visit(start + offset, distance2) {
-                        return;
-                    }
+                    visit(start + offset, distance2);
                 }
             }
         }
     }
 }
 
-/// The points at the start of `column` that share its cube's x and y, lie between two heights, and are neighbours of
-/// `point`: offset and squared distance.
+/// Lattice coordinate, shifted to be positive.
 #[inline]
-fn within(column: &[Point], point: &Point, low: i16, high: i16) -> impl Iterator<Item = (usize, f32)> {
-    let of = column.first().map_or([0; 3], |p| p.cube);
-    let same = move |p: &&Point| p.cube[0] == of[0] && p.cube[1] == of[1] && p.cube[2] <= high;
-    column.iter().take_while(same).enumerate().filter(move |(_, p)| p.cube[2] >= low).filter_map(
-        move |(offset, other)| {
-            let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
-            let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            let radius = point.radius.min(other.radius);
-            (distance2 <= radius * radius).then_some((offset, distance2))
-        },
-    )
+fn lattice(v: f32, per_metre: f32) -> u64 {
+    (floor_i32(v * per_metre) + (1 << 15)).clamp(0, 0xFFFF) as u64
+}
+
+/// The points at the start of `column` that belong to it, lie between two heights, and are neighbours of `point`: offset
+/// and squared distance.
+#[inline]
+fn within(column: &[Point], point: &Point, low: u64, high: u64) -> impl Iterator<Item = (usize, f32)> {
+    let first = column.first().map_or(0, Point::column);
+    let (low, high) = ((first << 16 | low) << 16, (first << 16 | high) << 16 | 0xFFFF);
+    let inside =
+        column.iter().enumerate().take_while(move |(_, p)| p.key <= high).filter(move |(_, p)| p.key >= low);
+    inside.filter_map(move |(offset, other)| {
+        let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
+        let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        let radius = point.radius.min(other.radius);
+        (distance2 <= radius * radius).then_some((offset, distance2))
+    })
 }
 
 /// Root of a point's tree; shortens the way for the next time.
@@ -200,8 +212,8 @@ fn root(parents: &mut [u16], i: usize) -> usize {
 fn join_cores(points: &mut [Point], grid: &Grid<'_>, parents: &mut [u16]) {
     let mut start = 0;
     while start < points.len() {
-        let [x, y, _] = points[start].cube;
-        let length = points[start..].iter().take_while(|p| p.cube[0] == x && p.cube[1] == y).count();
+        let column = points[start].column();
+        let length = points[start..].iter().take_while(|p| p.column() == column).count();
         for i in start..start + length {
             if points[i].core {
                 join(points, grid, parents, start, i);
@@ -218,9 +230,9 @@ fn join_cores(points: &mut [Point], grid: &Grid<'_>, parents: &mut [u16]) {
 fn join(points: &[Point], grid: &Grid<'_>, parents: &mut [u16], own_start: usize, i: usize) {
     let (low, high) = grid.reach(&points[i]);
     let mut own = root(parents, i);
-    for x in low[0]..=points[i].cube[0] {
+    for x in low[0]..=points[i].column() >> 16 {
         for y in low[1]..=high[1] {
-            let (start, column) = grid.column(points, x, y);
+            let (start, column) = grid.column(points, x << 16 | y);
             if column.is_empty() || start > own_start {
                 continue;
             }
@@ -254,7 +266,6 @@ fn attach_borders(points: &[Point], grid: &Grid<'_>, parents: &mut [u16]) {
             if points[j].core && (distance2, j) < nearest {
                 nearest = (distance2, j);
             }
-            true
         });
         parents[i] = nearest.1 as u16;
     }

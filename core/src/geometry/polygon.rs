@@ -27,31 +27,39 @@ pub fn intersection_area(subject: &[[f32; 2]], clip: &[[f32; 2]]) -> f32 {
     if subject.len() < 3 || clip.len() < 3 {
         return 0.0;
     }
-    let mut current: Vec<[f32; 2], CLIP_VERTICES> = subject.iter().copied().take(CLIP_VERTICES / 2).collect();
-    let mut next: Vec<[f32; 2], CLIP_VERTICES> = Vec::new();
+    let mut first: Vec<[f32; 2], CLIP_VERTICES> = subject.iter().copied().take(CLIP_VERTICES / 2).collect();
+    let mut second: Vec<[f32; 2], CLIP_VERTICES> = Vec::new();
+    let (mut current, mut next) = (&mut first, &mut second);
     let clip = &clip[..clip.len().min(CLIP_VERTICES / 2)];
     for (i, a) in clip.iter().enumerate() {
-        let b = clip[(i + 1) % clip.len()];
-        let edge = [b[0] - a[0], b[1] - a[1]];
-        let side = |p: &[f32; 2]| edge[0] * (p[1] - a[1]) - edge[1] * (p[0] - a[0]);
-        next.clear();
-        let Some(mut from) = current.last().copied() else { return 0.0 };
-        let mut from_side = side(&from);
-        for to in &current {
-            let to_side = side(to);
-            if (from_side < 0.0) != (to_side < 0.0) {
-                let t = from_side / (from_side - to_side);
-                let cut = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
-                let _ = next.push(cut);
-            }
-            if to_side >= 0.0 {
-                let _ = next.push(*to);
-            }
-            (from, from_side) = (*to, to_side);
+        cut(current, *a, clip[(i + 1) % clip.len()], next);
+        if next.is_empty() {
+            return 0.0;
         }
         core::mem::swap(&mut current, &mut next);
     }
-    area(&current).max(0.0)
+    area(current).max(0.0)
+}
+
+/// The part of a convex polygon left of the line from `a` to `b`.
+#[inline]
+fn cut(polygon: &[[f32; 2]], a: [f32; 2], b: [f32; 2], left: &mut Vec<[f32; 2], CLIP_VERTICES>) {
+    left.clear();
+    let edge = [b[0] - a[0], b[1] - a[1]];
+    let side = |p: &[f32; 2]| edge[0] * (p[1] - a[1]) - edge[1] * (p[0] - a[0]);
+    let Some(mut from) = polygon.last().copied() else { return };
+    let mut from_side = side(&from);
+    for to in polygon {
+        let to_side = side(to);
+        if (from_side < 0.0) != (to_side < 0.0) {
+            let t = from_side / (from_side - to_side);
+            let _ = left.push([from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])]);
+        }
+        if to_side >= 0.0 {
+            let _ = left.push(*to);
+        }
+        (from, from_side) = (*to, to_side);
+    }
 }
 
 fn distance(a: [f32; 2], b: [f32; 2]) -> f32 {

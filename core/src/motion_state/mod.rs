@@ -34,6 +34,8 @@ pub struct ClassConfig {
     pub min_speed: f32,
     /// The same in standard deviations.
     pub min_significance: f32,
+    /// A shift is believable only where less than this share of the landmark stands where something stood before.
+    pub max_stayed: f32,
     /// Frames in a row with a believable shift that prove motion; those supported by free space count twice.
     pub alarm_frames: u32,
 }
@@ -99,6 +101,7 @@ impl Config {
             shift_m: 0.3,
             min_speed: 0.5,
             min_significance: 0.8,
+            max_stayed: 0.4,
             alarm_frames: 2,
         },
         vehicle: ClassConfig {
@@ -112,6 +115,7 @@ impl Config {
             shift_m: 0.6,
             min_speed: 2.5,
             min_significance: 2.5,
+            max_stayed: 0.05,
             alarm_frames: 3,
         },
     };

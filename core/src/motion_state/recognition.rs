@@ -1,7 +1,7 @@
 //! Section 3.3.3: dynamic or semi-static.
 
 use super::tracker::{Snapshot, Track, class_config};
-use super::visibility::Visibility;
+use super::visibility::{Seen, Visibility};
 use super::{Config, Rule};
 use crate::estimation::kalman::PlanarMotion;
 use crate::landmarks::MotionState;
@@ -14,6 +14,8 @@ pub struct MotionCues {
     pub appeared: f32,
     /// Share of the former surface that the sensor now looks through.
     pub left: f32,
+    /// Share of the surface that stands where the sensor saw something most of a second ago.
+    pub stayed: f32,
     /// Speed at which both ends of the landmark shift the same way [m/s]; a changed view moves one end only.
     pub shift_speed: f32,
     /// Length of that shift [m].
@@ -45,14 +47,20 @@ impl MotionCues {
     /// Free space and displacement.
     pub fn of(config: &Config, track: &Track, now: &Snapshot, visibility: &Visibility) -> Self {
         let margin = config.free_margin_m;
-        let appeared = LOOK_BACK
-            .map(|age| visibility.free_share(age, &now.samples, margin))
-            .into_iter()
-            .fold(0.0, f32::max);
+        let share = |what, age, places: &[[f32; 3]]| visibility.share(what, age, places, margin);
         let (speed, significance) = track.motion.speed();
-        let mut evidence = Self { appeared, speed, significance, ..Self::default() };
+        let mut evidence = Self {
+            appeared: LOOK_BACK
+                .map(|age| share(Seen::Free, age, &now.samples))
+                .into_iter()
+                .fold(0.0, f32::max),
+            stayed: share(Seen::Occupied, LOOK_BACK[1], &now.samples),
+            speed,
+            significance,
+            ..Self::default()
+        };
         for past in track.snapshots.iter().flatten() {
-            evidence.left = evidence.left.max(visibility.free_share(0, &past.samples, margin));
+            evidence.left = evidence.left.max(share(Seen::Free, 0, &past.samples));
         }
         if let Some(past) = track.snapshots.iter().flatten().next().filter(|p| p.age > 0) {
             let shift = [0, 1].map(|k| {
@@ -93,11 +101,15 @@ pub fn decide(config: &Config, track: &mut Track, evidence: &MotionCues) {
             let free = evidence.appeared.max(evidence.left);
             let shifted = evidence.shift_speed > class.shift_speed;
             let supported = free >= class.free_support && evidence.shift_m > 0.6 * class.shift_m;
-            let fast = evidence.speed > class.min_speed && evidence.significance > class.min_significance;
+            // Where something stood before, a shift is no proof: more or another part of it is seen now.
+            let fast = evidence.speed > class.min_speed
+                && evidence.significance > class.min_significance
+                && evidence.stayed < class.max_stayed;
             let weak = shifted && (supported || (fast && evidence.shift_m > class.shift_m));
             track.alarms = if weak { track.alarms + if supported { 2 } else { 1 } } else { 0 };
             // A shift may be an accident of the view; one that lasts is not.
-            !evidence.at_rest && free >= class.free_share || track.alarms >= class.alarm_frames
+            let freed = free >= class.free_share && free > evidence.stayed;
+            !evidence.at_rest && freed || track.alarms >= class.alarm_frames
         }
     };
     track.cues = *evidence;

@@ -138,11 +138,10 @@ impl Visibility {
         }
     }
 
-    /// Share of the places that the image of that age shows to have been free.
-    pub fn free_share(&self, age: usize, places: &[[f32; 3]], margin_m: f32) -> f32 {
-        let free =
-            places.iter().filter(|p| self.seen(age, &Vector3::from(**p), margin_m) == Seen::Free).count();
-        free as f32 / places.len().max(1) as f32
+    /// Share of the places of which the image of that age says `what`.
+    pub fn share(&self, what: Seen, age: usize, places: &[[f32; 3]], margin_m: f32) -> f32 {
+        let count = places.iter().filter(|p| self.seen(age, &Vector3::from(**p), margin_m) == what).count();
+        count as f32 / places.len().max(1) as f32
     }
 }
 

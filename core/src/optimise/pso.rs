@@ -57,7 +57,7 @@ impl Config {
 
     /// A small swarm: enough to escape a bad prediction, the polish does the rest.
     pub const SMALL: Self =
-        Self { particles: 10, iterations: 6, patience: 3, polish_evaluations: 60, ..Self::PAPER };
+        Self { particles: 10, iterations: 5, patience: 3, polish_evaluations: 48, ..Self::PAPER };
 
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if self.particles < 2 || self.particles as usize > MAX_PARTICLES {

@@ -26,6 +26,10 @@ pub struct Config {
     pub kernel_end: f32,
     /// Fewest points with a partner.
     pub min_inliers: u32,
+    /// Standard deviation of the start's position [m]: holds what the scan does not determine.
+    pub hold_m: f32,
+    /// The same of its rotation [rad].
+    pub hold_rad: f32,
     /// A result farther than this from the start is refused [m].
     pub max_correction_m: f32,
 }
@@ -39,6 +43,8 @@ impl Config {
         kernel_start: 12.0,
         kernel_end: 3.0,
         min_inliers: 150,
+        hold_m: 0.1,
+        hold_rad: 0.01,
         max_correction_m: 3.0,
     };
 
@@ -49,8 +55,9 @@ impl Config {
                 expected: "1 to 100",
             });
         }
-        if !(self.min_step_m > 0.0) {
-            return Err(ParameterError { parameter: "precise_pose.dense.min_step_m", expected: "positive" });
+        if !(self.min_step_m > 0.0 && self.hold_m > 0.0 && self.hold_rad > 0.0) {
+            let parameter = "precise_pose.dense.min_step_m, hold_m and hold_rad";
+            return Err(ParameterError { parameter, expected: "positive" });
         }
         if !(self.kernel_end > 0.0 && self.kernel_start >= self.kernel_end) {
             let expected = "positive, and not above kernel_start";
@@ -59,6 +66,11 @@ impl Config {
         Ok(())
     }
 }
+
+/// While the robust kernel is still wide, every third point of a large scan is enough.
+const COARSE_STRIDE: usize = 3;
+/// A scan is large above this number of points.
+const COARSE_POINTS: usize = 4000;
 
 /// A point of the scan to register: the mean of a cell [m, sensor frame].
 #[derive(Clone, Copy, Debug)]
@@ -104,7 +116,11 @@ pub fn register<const SETS: usize>(
     let mut evidence = DenseEvidence { source_points: source.len() as u32, ..DenseEvidence::default() };
     let mut information = Matrix6::zeros();
     for iteration in 1..=config.max_iterations {
-        let sum = accumulate(map_config, map, path_m, source, &local_from_sensor, kernel);
+        let coarse = kernel > config.kernel_end && source.len() > COARSE_POINTS;
+        let stride = if coarse { COARSE_STRIDE } else { 1 };
+        let points = source.iter().step_by(stride);
+        let mut sum = accumulate(map_config, map, path_m, points, &local_from_sensor, kernel);
+        sum.hold(config, &difference(&local_from_sensor, start));
         evidence.iterations = iteration;
         evidence.inliers = sum.inliers;
         evidence.residual_m = math::sqrt(sum.squared_m2 / sum.weight.max(1e-6));
@@ -133,6 +149,13 @@ fn apply(step: &Vector6<f32>, local_from_sensor: &Pose) -> Pose {
     Pose::from_parts(translation.into(), rotation)
 }
 
+/// The step that [`apply`] needs to go from `from` to `to`.
+fn difference(to: &Pose, from: &Pose) -> [f32; 6] {
+    let t = to.translation.vector - from.translation.vector;
+    let w = pose::log_so3(&(to.rotation * from.rotation.inverse()));
+    [t.x, t.y, t.z, w.x, w.y, w.z]
+}
+
 /// How well a pose explains the scan: points whose partner is near, counted softly. For choosing between two starts.
 pub fn score<const SETS: usize>(
     config: &Config,
@@ -142,8 +165,8 @@ pub fn score<const SETS: usize>(
     source: &[SourcePoint],
     local_from_sensor: &Pose,
 ) -> f32 {
-    // Every fourth point is enough for a choice.
-    let scored = source.iter().step_by(4).filter_map(|point| {
+    // Every eighth point is enough for a choice.
+    let scored = source.iter().step_by(8).filter_map(|point| {
         let p = (local_from_sensor * nalgebra::Point3::from(point.position)).coords;
         let (voxel, mean) = map.find(map_config, &p, point.group, path_m)?;
         let residual = p - mean;
@@ -154,11 +177,11 @@ pub fn score<const SETS: usize>(
     scored.sum()
 }
 
-fn accumulate<const SETS: usize>(
+fn accumulate<'a, const SETS: usize>(
     map_config: &voxel_map::Config,
     map: &VoxelMap<SETS>,
     path_m: f32,
-    source: &[SourcePoint],
+    source: impl Iterator<Item = &'a SourcePoint>,
     local_from_sensor: &Pose,
     kernel: f32,
 ) -> NormalEquations {
@@ -184,6 +207,16 @@ fn accumulate<const SETS: usize>(
 }
 
 impl NormalEquations {
+    /// Holds what the scan does not determine (along a tunnel, say) at the start, `off` away.
+    fn hold(&mut self, config: &Config, off: &[f32; 6]) {
+        for i in 0..6 {
+            let sigma = if i < 3 { config.hold_m } else { config.hold_rad };
+            let information = 1.0 / (sigma * sigma);
+            self.h[i][i] += information;
+            self.g[i] += information * off[i];
+        }
+    }
+
     /// Adds a residual with the derivative [along, turn] by translation and rotation.
     #[inline]
     fn add(&mut self, along: &Vector3<f32>, turn: &Vector3<f32>, residual: f32, weight: f32) {
