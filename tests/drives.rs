@@ -181,9 +181,9 @@ fn equation_5_calls_more_parked_cars_dynamic_than_the_evidence_does() {
 #[test]
 fn what_moves_is_left_out_of_the_registration() {
     let mut world = street(40.0, 3);
-    // Vans bumper to bumper on the left, all as fast as the sensor.
-    let van = |k: i32| Solid { height: [0.3, 2.6], ..car([5.0 * f64::from(k), 1.6], 8.0) };
-    world.solids.extend((-4..=4).map(van));
+    // Vans on the left, all as fast as the sensor.
+    let van = |k: i32| Solid { height: [0.3, 2.6], ..car([10.0 * f64::from(k), 1.6], 8.0) };
+    world.solids.extend((-1..=1).map(van));
     let poses: Vec<MapPose> = (0..20).map(|k| pose_on_street(0.8 * k as f64, -1.2, 0.0)).collect();
     let mut drive = Drive::record(&world, &Lidar::default(), &poses);
     // The last scan shows nothing but them.
@@ -192,7 +192,7 @@ fn what_moves_is_left_out_of_the_registration() {
     });
     let estimates = drive.run(&mut accurate());
     let [before, alone] = [18, 19].map(|k| estimates[k].evidence);
-    assert!(alone.motion.dynamic > 4 && alone.buffers.cells > 150, "{alone:?}");
+    assert!(alone.motion.dynamic > 2 && alone.buffers.cells > 150, "{alone:?}");
     assert!(alone.dense.source_points < alone.buffers.cells / 4, "{:?}", alone.dense);
     assert!(before.dense.source_points > 1000 && is_registered(&estimates[18]));
 }
@@ -306,6 +306,19 @@ fn a_tunnel_of_two_seconds_is_predicted_and_the_drive_goes_on() {
         let (position, angle) = largest_difference(&poses(&estimates)[34..], &drive.truth()[34..]);
         assert!(position < off_m && angle < off_deg, "{position} m, {angle} deg off");
     }
+}
+
+#[test]
+#[ignore = "the speed after the gap is taken from a predicted pose, and the next frame is not searched for"]
+fn a_change_of_speed_in_the_dark_is_found() {
+    // Ten scans without a point; meanwhile the sensor slows down and is 2 m short of where it was expected.
+    let x = |k: usize| 0.8 * k as f64 - if k >= 30 { 2.0 } else { 0.0 };
+    let poses: Vec<MapPose> = (0..40).map(|k| pose_on_street(x(k), -1.2, 0.0)).collect();
+    let mut drive = Drive::record(&street(40.0, 3), &Lidar::default(), &poses);
+    drive.frames[20..30].iter_mut().for_each(|f| f.points.clear());
+    let found = sdslam_tests::drive::poses(&drive.run(&mut accurate()));
+    let (off_m, off_deg) = largest_difference(&found[31..], &drive.truth()[31..]);
+    assert!(off_m < 0.05 && off_deg < 0.05, "{off_m} m, {off_deg} deg off");
 }
 
 #[test]

@@ -193,7 +193,7 @@ fn before_a_wall_is_free_at_it_occupied_and_behind_unknown() {
         Seen::Unknown,
         "there is no older image"
     );
-    assert_eq!(visibility.free_share(0, &[[5.0, 0.0, -0.5], [14.0, 0.0, -0.5]], 0.4), 0.5);
+    assert_eq!(visibility.share(Seen::Free, 0, &[[5.0, 0.0, -0.5], [14.0, 0.0, -0.5]], 0.4), 0.5);
 }
 
 #[test]

