@@ -198,7 +198,6 @@ fn what_moves_is_left_out_of_the_registration() {
 }
 
 #[test]
-#[ignore = "its roof, a landmark of its own, opens a track in every frame that the rear takes over in the next"]
 fn a_car_in_parts_keeps_its_track() {
     // Rear and roof are 1.8 m apart in the scans, and the car moves by 1.6 m from one to the next.
     let mut world = street(50.0, 3);
@@ -310,7 +309,6 @@ fn a_tunnel_of_two_seconds_is_predicted_and_the_drive_goes_on() {
 }
 
 #[test]
-#[ignore = "the speed after the gap is taken from a predicted pose, and the next frame is not searched for"]
 fn a_change_of_speed_in_the_dark_is_found() {
     // Ten scans without a point; meanwhile the sensor slows down and is 2 m short of where it was expected.
     let x = |k: usize| 0.8 * k as f64 - if k >= 30 { 2.0 } else { 0.0 };
@@ -334,7 +332,6 @@ fn missing_scans_are_bridged_by_the_prediction() {
 }
 
 #[test]
-#[ignore = "after 100 m without a scan the submap is out of its window, and a frame not registered never refills it"]
 fn a_long_tunnel_ends() {
     let mut drive = straight(0.0, 180, 0.8);
     drive.frames[20..160].iter_mut().for_each(|f| f.points.clear());
@@ -364,7 +361,6 @@ fn after_a_kidnapping_motion_is_followed_again() {
 }
 
 #[test]
-#[ignore = "a third of the points are inliers by chance (ground), which counts as registered, to 3 cm"]
 fn a_kidnapping_is_noticed() {
     let estimates = kidnapped().run(&mut accurate());
     let certain = |e: &FrameEstimate| is_registered(e) && e.covariance[0][0] < 0.1 * 0.1;

@@ -20,6 +20,18 @@ impl fmt::Display for ParameterError {
 
 impl core::error::Error for ParameterError {}
 
+/// All values lie within the bounds; NaN does not.
+pub(crate) const fn all_within(values: &[f32], low: f32, high: f32) -> bool {
+    let mut i = 0;
+    while i < values.len() {
+        if !(values[i] >= low && values[i] <= high) {
+            return false;
+        }
+        i += 1;
+    }
+    true
+}
+
 /// Why a scan was refused. The state of the odometry is as before the call.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -40,11 +40,11 @@ pub enum FrameStatus {
 pub enum Fallback {
     /// The scan holds no usable point.
     EmptyScan,
-    /// Too few points found a partner in the submap.
+    /// Too few points found a partner in the submap, or fitted it.
     TooFewInliers,
     /// Neither landmarks nor ground were found to register.
     NoLandmarks,
-    /// The registration ran away from the prediction or did not determine all six degrees of freedom.
+    /// The registration ran away from the prediction, or the scan does not determine all six degrees of freedom.
     Degenerate,
 }
 
@@ -53,7 +53,7 @@ impl Fallback {
     pub const fn reason(self) -> &'static str {
         match self {
             Self::EmptyScan => "the scan holds no usable point",
-            Self::TooFewInliers => "too few points found a partner in the submap",
+            Self::TooFewInliers => "too few points found a partner in the submap or fitted it",
             Self::NoLandmarks => "no landmarks were found",
             Self::Degenerate => "the registration is degenerate",
         }
@@ -119,8 +119,14 @@ pub struct HullEvidence {
 pub struct DenseEvidence {
     /// Points offered.
     pub source_points: u32,
-    /// Points that found a partner and count.
+    /// Points that found a partner in the submap.
+    pub partners: u32,
+    /// Those of them that fit it.
     pub inliers: u32,
+    /// Partners found by points that are not ground.
+    pub upright_partners: u32,
+    /// Those of them that fit.
+    pub upright_inliers: u32,
     /// Root mean square of the residuals along the surface normals [m].
     pub residual_m: f32,
     /// Iterations used.

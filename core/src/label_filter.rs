@@ -98,7 +98,7 @@ pub fn filter<const CELLS: usize>(
         let [x, y, z] = point.position;
         let range2 = x * x + y * y + z * z;
         let motion = point.class.motion();
-        if !range2.is_finite() {
+        if !range2.is_finite() && !point.position.iter().all(|v| v.is_finite()) {
             counts.not_finite += 1;
         } else if !(min2..=max2).contains(&range2) {
             counts.out_of_range += 1;

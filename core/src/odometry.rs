@@ -6,8 +6,8 @@ use nalgebra::{Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
 use crate::capacity::PAIRS;
 use crate::error::{OdometryError, ParameterError};
 use crate::estimate::{
-    BufferUse, Evidence, Fallback, FrameEstimate, FrameStatus, MotionEvidence, Stage, StageObserver,
-    TrackReport,
+    BufferUse, DenseEvidence, Evidence, Fallback, FrameEstimate, FrameStatus, MotionEvidence, Stage,
+    StageObserver, TrackReport,
 };
 use crate::instances::{self, Instances};
 use crate::label_filter;
@@ -99,6 +99,12 @@ const RECOVERY_STEP_M: f32 = 0.4;
 /// and this many of them in each direction: enough for 40 m/s at 10 scans a second.
 const RECOVERY_STEPS: u32 = 10;
 
+/// Frames in a row that do not fit before the submap is given up.
+const RESTART_FRAMES: u32 = 5;
+
+/// A start farther away must explain the scan this much better: ground alone fits everywhere.
+const RECOVERY_MARGIN: f32 = 1.02;
+
 /// Where the vehicle is and how it moved. The local frame is the map frame moved to the anchor.
 #[derive(Clone, Copy, Debug)]
 struct Motion {
@@ -108,10 +114,15 @@ struct Motion {
     period_s: f64,
     /// Position of the local frame's origin in the map [m].
     anchor_m: [f64; 3],
+    /// Pose of the last registered frame, local frame, and the time since [s]: the speed after a gap.
+    registered: Pose,
+    unregistered_s: f64,
     /// Path driven [m].
     path_m: f32,
     /// Frames in a row that were not registered, or not yet: the search widens.
     lost: u32,
+    /// Frames in a row whose points did not fit the submap.
+    misfits: u32,
 }
 
 impl Motion {
@@ -120,8 +131,11 @@ impl Motion {
         previous_from_current: pose::IDENTITY,
         period_s: 0.0,
         anchor_m: [0.0; 3],
+        registered: pose::IDENTITY,
+        unregistered_s: 0.0,
         path_m: 0.0,
         lost: 1,
+        misfits: 0,
     };
 }
 
@@ -272,7 +286,8 @@ impl<
 
         // the submap takes the scan in
         self.advance(&local_from_sensor, period_s, status);
-        if !matches!(status, FrameStatus::Predicted(_)) {
+        let restarts = self.restarts_submap(&evidence);
+        if restarts || !matches!(status, FrameStatus::Predicted(_)) {
             self.extend_submap();
         }
         label_filter::assign_landmarks(scan.points, &self.cells);
@@ -451,18 +466,18 @@ impl<
         let score =
             |p: &Pose| dense::score(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, p);
         let mut best = (score(predicted), *predicted);
-        let mut consider = |candidate: Pose| {
+        let mut consider = |candidate: Pose, margin: f32| {
             let value = score(&candidate);
-            if value > best.0 {
+            if value > margin * best.0 {
                 best = (value, candidate);
             }
         };
-        consider(*start);
+        consider(*start, 1.0);
         if self.motion.lost > 0 {
             // The speed is not known: at the start, or after frames that were not registered.
             for step in 1..=RECOVERY_STEPS {
                 for x in [RECOVERY_STEP_M, -RECOVERY_STEP_M] {
-                    consider(predicted * Translation3::new(x * step as f32, 0.0, 0.0));
+                    consider(predicted * Translation3::new(x * step as f32, 0.0, 0.0), RECOVERY_MARGIN);
                 }
             }
         }
@@ -471,14 +486,25 @@ impl<
             dense::register(&config.dense, &config.voxels, &self.voxels, path_m, &self.source, &start);
         evidence.dense = result.evidence;
         let corrected_m = (result.local_from_sensor.translation.vector - start.translation.vector).norm();
-        let status = if result.evidence.inliers < config.dense.min_inliers {
-            FrameStatus::Predicted(Fallback::TooFewInliers)
-        } else if !(corrected_m <= config.dense.max_correction_m) || result.information.cholesky().is_none() {
-            FrameStatus::Predicted(Fallback::Degenerate)
-        } else {
-            return (result.local_from_sensor, FrameStatus::Registered, result.information);
-        };
-        (*predicted, status, Matrix6::zeros())
+        let DenseEvidence { inliers, upright_inliers, .. } = result.evidence;
+        if inliers < config.dense.min_inliers || misfits(&config.dense, &result.evidence) {
+            return (*predicted, FrameStatus::Predicted(Fallback::TooFewInliers), Matrix6::zeros());
+        }
+        if upright_inliers < config.dense.min_upright_inliers {
+            return (*predicted, FrameStatus::Predicted(Fallback::Degenerate), Matrix6::zeros());
+        }
+        if !(corrected_m <= config.dense.max_correction_m) {
+            return (*predicted, FrameStatus::Predicted(Fallback::Degenerate), Matrix6::zeros());
+        }
+        if !dense::determines(&config.dense, &result.information) {
+            // What is not determined was held at the prediction; the rest is better than it.
+            return (
+                result.local_from_sensor,
+                FrameStatus::Predicted(Fallback::Degenerate),
+                Matrix6::zeros(),
+            );
+        }
+        (result.local_from_sensor, FrameStatus::Registered, result.information)
     }
 
     /// The cells that stand still: ground, pure static, and semi-static landmarks.
@@ -492,16 +518,45 @@ impl<
         }
     }
 
-    /// Takes the new pose over.
+    /// Takes the new pose over. The motion is that since the last registered frame: a step from a predicted pose to a
+    /// registered one is a correction, not a motion.
     fn advance(&mut self, local_from_sensor: &Pose, period_s: f64, status: FrameStatus) {
         let motion = &mut self.motion;
         if self.frame > 0 {
-            motion.previous_from_current = compose(&motion.local_from_sensor.inverse(), local_from_sensor);
+            let step = compose(&motion.local_from_sensor.inverse(), local_from_sensor);
+            motion.path_m += step.translation.vector.norm();
+            motion.unregistered_s += period_s;
+            if status == FrameStatus::Registered {
+                let since = compose(&motion.registered.inverse(), local_from_sensor);
+                let share = (period_s / motion.unregistered_s) as f32;
+                motion.previous_from_current =
+                    if share < 1.0 { pose::exp(&(pose::log(&since) * share)) } else { since };
+                motion.lost = 0;
+            } else {
+                motion.previous_from_current = step;
+                motion.lost += 1;
+            }
             motion.period_s = period_s;
-            motion.path_m += motion.previous_from_current.translation.vector.norm();
-            motion.lost = if status == FrameStatus::Registered { 0 } else { motion.lost + 1 };
         }
         motion.local_from_sensor = *local_from_sensor;
+        if !matches!(status, FrameStatus::Predicted(_)) {
+            (motion.registered, motion.unregistered_s) = (*local_from_sensor, 0.0);
+        }
+    }
+
+    /// The submap does not cover this place (empty scans before it, a long gap), or has not fitted for long: the scan
+    /// starts it anew where the prediction has it.
+    fn restarts_submap(&mut self, evidence: &Evidence) -> bool {
+        let dense = &evidence.dense;
+        let usable = dense.source_points >= self.config.precise_pose.dense.min_inliers;
+        let misfit = usable && misfits(&self.config.precise_pose.dense, dense);
+        self.motion.misfits = if misfit { self.motion.misfits + 1 } else { 0 };
+        let stale = self.motion.misfits >= RESTART_FRAMES;
+        if stale {
+            self.voxels.clear();
+            self.map_landmarks.clear();
+        }
+        usable && (stale || dense.partners < dense.source_points / 10)
     }
 
     fn extend_submap(&mut self) {
@@ -549,6 +604,7 @@ impl<
             self.motion.anchor_m[k] += f64::from(by[k]);
         }
         self.motion.local_from_sensor.translation.vector -= by;
+        self.motion.registered.translation.vector -= by;
         self.voxels.shift_anchor(voxels);
         self.visibility.shift(&by);
         landmark_map::shift(&mut self.map_landmarks, &by);
@@ -572,6 +628,11 @@ impl<
             submap_landmarks_evicted: self.evicted_landmarks,
         }
     }
+}
+
+/// Too many of the points above ground that found a partner do not fit it.
+fn misfits(config: &dense::Config, evidence: &DenseEvidence) -> bool {
+    (evidence.upright_inliers as f32) < config.min_inlier_share * evidence.upright_partners as f32
 }
 
 /// The group in which a cell is registered; `None` for what may move and is not known to stand still.

@@ -144,7 +144,6 @@ fn a_landmark_without_a_free_track_stays_undecided() {
 }
 
 #[test]
-#[ignore = "the shift's speed is taken over 0.1 s a frame, whatever the scans' period"]
 fn a_slow_sensor_does_not_make_a_creeping_car_fast() {
     // 0.5 m/s, below the threshold of 0.8 m/s, seen twice a second: the shift per frame is that of 2.5 m/s at 10 Hz.
     let config = motion_state::Config::DEFAULT;

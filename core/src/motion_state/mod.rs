@@ -8,7 +8,7 @@ pub mod recognition;
 pub mod tracker;
 pub mod visibility;
 
-use crate::error::ParameterError;
+use crate::error::{self, ParameterError};
 
 /// Parameters of one group of classes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +38,24 @@ pub struct ClassConfig {
     pub max_stayed: f32,
     /// Frames in a row with a believable shift that prove motion; those supported by free space count twice.
     pub alarm_frames: u32,
+}
+
+impl ClassConfig {
+    const fn is_valid(&self) -> bool {
+        let values = [
+            self.acceleration,
+            self.max_velocity_difference,
+            self.max_position_difference_m,
+            self.free_share,
+            self.free_support,
+            self.shift_speed,
+            self.shift_m,
+            self.min_speed,
+            self.min_significance,
+            self.max_stayed,
+        ];
+        error::all_within(&values, 0.0, 1000.0)
+    }
 }
 
 /// Rule that tells dynamic from semi-static landmarks.
@@ -126,6 +144,16 @@ impl Config {
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if !(self.centre_noise_m > 0.0) {
             return Err(ParameterError { parameter: "motion_state.centre_noise_m", expected: "positive" });
+        }
+        if !error::all_within(&[self.centre_noise_per_range, self.free_margin_m, self.rest_m], 0.0, 100.0) {
+            let parameter = "motion_state.centre_noise_per_range, free_margin_m and rest_m";
+            return Err(ParameterError { parameter, expected: "0 to 100" });
+        }
+        if !self.person.is_valid() || !self.vehicle.is_valid() {
+            return Err(ParameterError {
+                parameter: "motion_state.person and vehicle",
+                expected: "0 to 1000 each",
+            });
         }
         if !(self.person.gate_m > 0.0 && self.vehicle.gate_m > 0.0) {
             return Err(ParameterError { parameter: "motion_state.*.gate_m", expected: "positive" });

@@ -67,7 +67,7 @@ impl MotionCues {
                 common_shift(past.extent[0][k], past.extent[1][k], now.extent[0][k], now.extent[1][k])
             });
             evidence.shift_m = math::sqrt(shift[0] * shift[0] + shift[1] * shift[1]);
-            evidence.shift_speed = evidence.shift_m / (0.1 * past.age as f32);
+            evidence.shift_speed = evidence.shift_m / past.age_s.max(1e-3);
         }
         if let Some(past) = track.snapshots.iter().flatten().last().filter(|p| p.age >= config.rest_frames) {
             let ends = past.extent.iter().flatten().zip(now.extent.iter().flatten());

@@ -20,6 +20,8 @@ const SNAPSHOT_FRAMES: u32 = 5;
 pub struct Snapshot {
     /// Frames since.
     pub age: u32,
+    /// Time since [s].
+    pub age_s: f32,
     /// Points of the surface [m].
     pub samples: Vec<[f32; 3], SAMPLES>,
     /// Smallest and largest x and y [m].
@@ -134,17 +136,24 @@ pub fn update(
         track.misses += 1;
         for snapshot in track.snapshots.iter_mut().flatten() {
             snapshot.age += 1;
+            snapshot.age_s += tau;
         }
     }
     associate(config, local_from_sensor, landmarks, tracks);
     let mut refused = 0;
-    for (index, landmark) in landmarks.iter_mut().enumerate() {
-        if landmark.class.motion() != MotionClass::UnknownMotion {
+    for index in 0..landmarks.len() {
+        if landmarks[index].class.motion() != MotionClass::UnknownMotion {
             continue;
         }
+        let found = tracks.iter().position(|t| t.landmark == Some(index as u16));
+        if let Some(whole) = whole_of(config, landmarks, index).filter(|_| found.is_none()) {
+            (landmarks[index].state, landmarks[index].track) =
+                (landmarks[whole].state, landmarks[whole].track);
+            continue;
+        }
+        let landmark = &mut landmarks[index];
         let centre = (local_from_sensor * Point3::from(landmark.centre)).coords;
         let noise = centre_noise(config, landmark);
-        let found = tracks.iter().position(|t| t.landmark == Some(index as u16));
         let Some(slot) = found.or_else(|| open(config, landmark, &centre, noise, next_id, tracks)) else {
             refused += 1;
             continue;
@@ -163,6 +172,16 @@ pub fn update(
     // A track outlives as many misses as it had hits, up to the limit.
     tracks.retain(|t| t.misses <= t.hits.min(config.max_misses));
     refused
+}
+
+/// The larger landmark of the same family, earlier in the list, that a small one beside it is a fragment of.
+fn whole_of(config: &Config, landmarks: &[Landmark], index: usize) -> Option<usize> {
+    let part = &landmarks[index];
+    let gate = class_config(config, part.family).gate_m;
+    landmarks[..index].iter().position(|whole| {
+        let apart = (Vector3::from(whole.centre) - Vector3::from(part.centre)).norm_squared();
+        whole.family == part.family && whole.point_count > 3 * part.point_count && apart < gate * gate
+    })
 }
 
 /// Mutual nearest neighbours of the same family within the gate (section 3.3.3).
@@ -247,7 +266,7 @@ fn look(landmark: &Landmark, local_from_sensor: &Pose) -> Snapshot {
             extent[1][k] = extent[1][k].max(p[k]);
         }
     }
-    Snapshot { age: 0, samples: landmark.samples.iter().map(moved).collect(), extent }
+    Snapshot { age: 0, age_s: 0.0, samples: landmark.samples.iter().map(moved).collect(), extent }
 }
 
 fn remember(track: &mut Track, now: Snapshot) {

@@ -6,7 +6,7 @@
 
 use oorandom::Rand32;
 
-use crate::error::ParameterError;
+use crate::error::{self, ParameterError};
 
 /// Most particles of a swarm.
 pub const MAX_PARTICLES: usize = 64;
@@ -62,6 +62,22 @@ impl Config {
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if self.particles < 2 || self.particles as usize > MAX_PARTICLES {
             return Err(ParameterError { parameter: "swarm.particles", expected: "2 to 64" });
+        }
+        if self.iterations > 1000 || self.polish_evaluations > 10_000 || self.patience > 1000 {
+            let parameter = "swarm.iterations, patience and polish_evaluations";
+            return Err(ParameterError { parameter, expected: "at most 1000, 1000 and 10000" });
+        }
+        let pulls = [
+            self.own_start,
+            self.own_end,
+            self.swarm_start,
+            self.swarm_end,
+            self.inertia_start,
+            self.inertia_end,
+        ];
+        if !error::all_within(&pulls, 0.0, 10.0) {
+            let parameter = "swarm.inertia_*, own_* and swarm_*";
+            return Err(ParameterError { parameter, expected: "0 to 10" });
         }
         if !(self.max_velocity > 0.0 && self.max_velocity <= 1.0) {
             return Err(ParameterError {

@@ -24,8 +24,12 @@ pub struct Config {
     pub kernel_start: f32,
     /// The same at the last; it halves from iteration to iteration.
     pub kernel_end: f32,
-    /// Fewest points with a partner.
+    /// Fewest points that fit their partner.
     pub min_inliers: u32,
+    /// Fewest of them that are not ground: level ground says nothing of x, y and yaw.
+    pub min_upright_inliers: u32,
+    /// Fewest of the points above ground with a partner that fit it, as a share.
+    pub min_inlier_share: f32,
     /// Standard deviation of the start's position [m]: holds what the scan does not determine.
     pub hold_m: f32,
     /// The same of its rotation [rad].
@@ -43,6 +47,8 @@ impl Config {
         kernel_start: 12.0,
         kernel_end: 3.0,
         min_inliers: 150,
+        min_upright_inliers: 40,
+        min_inlier_share: 0.5,
         hold_m: 0.1,
         hold_rad: 0.01,
         max_correction_m: 3.0,
@@ -55,9 +61,16 @@ impl Config {
                 expected: "1 to 100",
             });
         }
-        if !(self.min_step_m > 0.0 && self.hold_m > 0.0 && self.hold_rad > 0.0) {
-            let parameter = "precise_pose.dense.min_step_m, hold_m and hold_rad";
+        if !(self.min_step_m > 0.0 && self.hold_m > 0.0 && self.hold_rad > 0.0 && self.max_correction_m > 0.0)
+        {
+            let parameter = "precise_pose.dense.min_step_m, hold_m, hold_rad and max_correction_m";
             return Err(ParameterError { parameter, expected: "positive" });
+        }
+        if !(self.min_inlier_share >= 0.0 && self.min_inlier_share <= 1.0) {
+            return Err(ParameterError {
+                parameter: "precise_pose.dense.min_inlier_share",
+                expected: "0 to 1",
+            });
         }
         if !(self.kernel_end > 0.0 && self.kernel_start >= self.kernel_end) {
             let expected = "positive, and not above kernel_start";
@@ -67,8 +80,8 @@ impl Config {
     }
 }
 
-/// While the robust kernel is still wide, every third point of a large scan is enough.
-const COARSE_STRIDE: usize = 3;
+/// While the robust kernel is still wide, every fourth point of a large scan is enough.
+const COARSE_STRIDE: usize = 4;
 /// A scan is large above this number of points.
 const COARSE_POINTS: usize = 4000;
 
@@ -99,7 +112,9 @@ struct NormalEquations {
     g: [f32; 6],
     squared_m2: f32,
     weight: f32,
-    inliers: u32,
+    /// Partners and inliers among the ground, and among the rest.
+    partners: [u32; 2],
+    inliers: [u32; 2],
 }
 
 /// Registers `source` against `map`, starting from `start`.
@@ -122,7 +137,9 @@ pub fn register<const SETS: usize>(
         let mut sum = accumulate(map_config, map, path_m, points, &local_from_sensor, kernel);
         sum.hold(config, &difference(&local_from_sensor, start));
         evidence.iterations = iteration;
-        evidence.inliers = sum.inliers;
+        evidence.partners = sum.partners[0] + sum.partners[1];
+        evidence.inliers = sum.inliers[0] + sum.inliers[1];
+        (evidence.upright_partners, evidence.upright_inliers) = (sum.partners[1], sum.inliers[1]);
         evidence.residual_m = math::sqrt(sum.squared_m2 / sum.weight.max(1e-6));
         information = Matrix6::from_fn(|r, c| sum.h[r.min(c)][r.max(c)]);
         let Some(cholesky) = information.cholesky() else { break };
@@ -138,6 +155,14 @@ pub fn register<const SETS: usize>(
         kernel = (0.5 * kernel).max(config.kernel_end);
     }
     Registration { local_from_sensor, information, evidence }
+}
+
+/// The scan itself, and not what was held, determines the position.
+pub fn determines(config: &Config, information: &Matrix6<f32>) -> bool {
+    let Some(cholesky) = information.cholesky() else { return false };
+    let covariance = cholesky.inverse().fixed_view::<3, 3>(0, 0).into_owned();
+    // With nothing but the hold a direction has the variance hold_m^2.
+    covariance.symmetric_eigenvalues().max() < 0.2 * config.hold_m * config.hold_m
 }
 
 /// Moves a pose by a small step: translation, and rotation about the sensor, in the axes of the local frame.
@@ -185,7 +210,14 @@ fn accumulate<'a, const SETS: usize>(
     local_from_sensor: &Pose,
     kernel: f32,
 ) -> NormalEquations {
-    let mut sum = NormalEquations { h: [[0.0; 6]; 6], g: [0.0; 6], squared_m2: 0.0, weight: 0.0, inliers: 0 };
+    let mut sum = NormalEquations {
+        h: [[0.0; 6]; 6],
+        g: [0.0; 6],
+        squared_m2: 0.0,
+        weight: 0.0,
+        partners: [0; 2],
+        inliers: [0; 2],
+    };
     let rotation = *local_from_sensor.rotation.to_rotation_matrix().matrix();
     let kernel2 = kernel * kernel;
     for point in source {
@@ -201,7 +233,9 @@ fn accumulate<'a, const SETS: usize>(
         }
         sum.squared_m2 += w * mahalanobis2 * map_config.noise_m * map_config.noise_m;
         sum.weight += w;
-        sum.inliers += u32::from(mahalanobis2 < 9.0);
+        let upright = usize::from(point.group != Group::Ground);
+        sum.partners[upright] += 1;
+        sum.inliers[upright] += u32::from(mahalanobis2 < 9.0);
     }
     sum
 }

@@ -115,9 +115,9 @@ impl Config {
         if !(self.voxel_m >= 0.1 && self.voxel_m <= 5.0) {
             return Err(ParameterError { parameter: "precise_pose.voxels.voxel_m", expected: "0.1 to 5 m" });
         }
-        if !(self.window_m > 0.0 && self.noise_m > 0.0 && self.max_weight >= 1.0) {
-            let parameter = "precise_pose.voxels.window_m, noise_m and max_weight";
-            return Err(ParameterError { parameter, expected: "positive, max_weight at least 1" });
+        if !(self.window_m > 0.0 && self.noise_m > 0.0 && self.max_weight >= 1.0 && self.min_weight >= 1.0) {
+            let parameter = "precise_pose.voxels.window_m, noise_m, max_weight and min_weight";
+            return Err(ParameterError { parameter, expected: "positive, the weights at least 1" });
         }
         Ok(())
     }

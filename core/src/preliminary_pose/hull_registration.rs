@@ -5,7 +5,7 @@ use heapless::VecView;
 use nalgebra::Point3;
 
 use super::pairing::Candidate;
-use crate::error::ParameterError;
+use crate::error::{self, ParameterError};
 use crate::estimate::HullEvidence;
 use crate::geometry::polygon;
 use crate::landmarks::{Hull, Landmark, Layers, layers};
@@ -48,6 +48,10 @@ impl Config {
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if !(self.search_m > 0.0 && self.search_rad > 0.0) {
             return Err(ParameterError { parameter: "hulls.search_m and search_rad", expected: "positive" });
+        }
+        if !error::all_within(&[self.shape_weight, self.size_weight], 0.0, 1000.0) {
+            let parameter = "hulls.shape_weight and size_weight";
+            return Err(ParameterError { parameter, expected: "0 to 1000" });
         }
         self.swarm.check()
     }
