@@ -3,6 +3,7 @@
 
 // What the caller sees
 pub mod capacity;
+pub mod config;
 pub mod error;
 pub mod estimate;
 pub mod odometry;
@@ -23,6 +24,8 @@ pub mod motion_state;
 
 pub mod precise_pose;
 
+mod ego_motion;
+
 // Mathematics without a word of SLAM
 pub mod clustering;
 pub mod estimation;
@@ -31,9 +34,10 @@ pub mod math;
 pub mod optimise;
 
 pub use capacity::FullScanOdometry;
+pub use config::Config;
 pub use error::{OdometryError, ParameterError};
 pub use estimate::{FrameEstimate, FrameStatus, Stage, StageObserver, TrackReport};
 pub use landmarks::{Landmark, MotionState};
-pub use odometry::{Config, Odometry};
+pub use odometry::Odometry;
 pub use pose::{MapPose, Pose};
 pub use scan::{LabelledPoint, LabelledScan, MotionClass, SemanticClass};

@@ -1,95 +1,33 @@
 //! The story of one frame, in the paper's order. Only this file knows the order of the stages.
 
 use heapless::Vec;
-use nalgebra::{Matrix6, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix6, Point3, Translation3, Vector3};
 
 use crate::capacity::PAIRS;
+use crate::config::Config;
+use crate::ego_motion::EgoMotion;
 use crate::error::{OdometryError, ParameterError};
 use crate::estimate::{
     BufferUse, DenseEvidence, Evidence, Fallback, FrameEstimate, FrameStatus, MotionEvidence, Stage,
     StageObserver, TrackReport,
 };
-use crate::instances::{self, Instances};
+use crate::instances::Instances;
 use crate::label_filter;
 use crate::landmarks::{self, Landmark, MotionState};
 use crate::motion_state::{
-    self,
     tracker::{self, Track},
     visibility::Visibility,
 };
-use crate::pose::{self, MapPose, PlanarPose, Pose};
+use crate::pose::{self, PlanarPose, Pose, compose};
 use crate::precise_pose::dense::{self, SourcePoint};
 use crate::precise_pose::landmark_map::{self, MapLandmark};
+use crate::precise_pose::vertical;
 use crate::precise_pose::voxel_map::{Group, VoxelMap};
-use crate::precise_pose::{self, vertical};
 use crate::preliminary_pose;
 use crate::preliminary_pose::hull_registration::{self, HullPair};
 use crate::preliminary_pose::pairing::{self, Candidate};
 use crate::scan::{LabelledScan, MotionClass};
 use crate::scan_cells::{Cell, ScanCells};
-
-/// All parameters, one table per stage.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
-pub struct Config {
-    /// Label filter (section 3.1.2).
-    pub label_filter: label_filter::Config,
-    /// Instances (section 3.1.2).
-    pub instances: instances::Config,
-    /// Preliminary pose (section 3.2).
-    pub preliminary_pose: preliminary_pose::Config,
-    /// Motion states (section 3.3).
-    pub motion_state: motion_state::Config,
-    /// Precise pose (section 3.4).
-    pub precise_pose: precise_pose::Config,
-}
-
-impl Config {
-    /// The default: the paper's stages, its weak spots mended, and the dense refinement.
-    pub const fn accurate() -> Self {
-        Self {
-            label_filter: label_filter::Config::DEFAULT,
-            instances: instances::Config::DEFAULT,
-            preliminary_pose: preliminary_pose::Config::DEFAULT,
-            motion_state: motion_state::Config::DEFAULT,
-            precise_pose: precise_pose::Config::DEFAULT,
-        }
-    }
-
-    /// Nothing but the paper.
-    pub const fn paper() -> Self {
-        Self {
-            label_filter: label_filter::Config::DEFAULT,
-            instances: instances::Config::PAPER,
-            preliminary_pose: preliminary_pose::Config::PAPER,
-            motion_state: motion_state::Config::PAPER,
-            precise_pose: precise_pose::Config::PAPER,
-        }
-    }
-
-    /// Checks every parameter; names the first that is out of range.
-    pub const fn check(&self) -> Result<(), ParameterError> {
-        if let Err(error) = self.label_filter.check() {
-            return Err(error);
-        }
-        if let Err(error) = self.instances.check() {
-            return Err(error);
-        }
-        if let Err(error) = self.preliminary_pose.check() {
-            return Err(error);
-        }
-        if let Err(error) = self.motion_state.check() {
-            return Err(error);
-        }
-        self.precise_pose.check()
-    }
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self::accurate()
-    }
-}
 
 /// The origin of the local frame follows the vehicle in steps of about this length [m], so that single precision does.
 const ANCHOR_STEP_M: f32 = 160.0;
@@ -105,43 +43,9 @@ const RESTART_FRAMES: u32 = 5;
 /// A start farther away must explain the scan this much better: ground alone fits everywhere.
 const RECOVERY_MARGIN: f32 = 1.02;
 
-/// Where the vehicle is and how it moved. The local frame is the map frame moved to the anchor.
-#[derive(Clone, Copy, Debug)]
-struct Motion {
-    local_from_sensor: Pose,
-    /// Motion of the last frame, and the time it took [s].
-    previous_from_current: Pose,
-    period_s: f64,
-    /// Position of the local frame's origin in the map [m].
-    anchor_m: [f64; 3],
-    /// Pose of the last registered frame, local frame, and the time since [s]: the speed after a gap.
-    registered: Pose,
-    unregistered_s: f64,
-    /// Path driven [m].
-    path_m: f32,
-    /// Frames in a row that were not registered, or not yet: the search widens.
-    lost: u32,
-    /// Frames in a row whose points did not fit the submap.
-    misfits: u32,
-}
-
-impl Motion {
-    const START: Self = Self {
-        local_from_sensor: pose::IDENTITY,
-        previous_from_current: pose::IDENTITY,
-        period_s: 0.0,
-        anchor_m: [0.0; 3],
-        registered: pose::IDENTITY,
-        unregistered_s: 0.0,
-        path_m: 0.0,
-        lost: 1,
-        misfits: 0,
-    };
-}
-
 /// The odometry with its memory: no allocation, a bounded cost per scan. The capacities are explained in [`crate::capacity`].
 ///
-/// It is large: place it in a `static`, or build it on a thread with a large stack and box it.
+/// It is large (11 MiB for full scans): build it on a thread with a large stack and box it.
 pub struct Odometry<
     const CELLS: usize,
     const INSTANCES: usize,
@@ -153,7 +57,7 @@ pub struct Odometry<
     config: Config,
     frame: u32,
     stamp_s: f64,
-    motion: Motion,
+    motion: EgoMotion,
     next_track: u32,
     evicted_landmarks: u32,
     cells: ScanCells<CELLS>,
@@ -188,7 +92,7 @@ impl<
             config,
             frame: 0,
             stamp_s: 0.0,
-            motion: Motion::START,
+            motion: EgoMotion::START,
             next_track: 0,
             evicted_landmarks: 0,
             cells: ScanCells::new(),
@@ -208,7 +112,7 @@ impl<
 
     /// Back to the origin, everything forgotten but the configuration.
     pub fn reset(&mut self) {
-        (self.frame, self.stamp_s, self.motion) = (0, 0.0, Motion::START);
+        (self.frame, self.stamp_s, self.motion) = (0, 0.0, EgoMotion::START);
         (self.next_track, self.evicted_landmarks) = (0, 0);
         self.landmarks.clear();
         self.previous_landmarks.clear();
@@ -235,7 +139,7 @@ impl<
     ) -> Result<FrameEstimate, OdometryError> {
         let period_s = self.period(scan.stamp_s)?;
         let mut evidence = Evidence::default();
-        let predicted = self.predict(period_s);
+        let predicted = self.motion.predict(period_s);
 
         // 3.1.2: what each point is
         evidence.points = label_filter::filter(&self.config.label_filter, scan.points, &mut self.cells);
@@ -285,7 +189,7 @@ impl<
         observer.finished(Stage::PrecisePose);
 
         // the submap takes the scan in
-        self.advance(&local_from_sensor, period_s, status);
+        self.motion.advance(&local_from_sensor, period_s, status);
         let restarts = self.restarts_submap(&evidence);
         if restarts || !matches!(status, FrameStatus::Predicted(_)) {
             self.extend_submap();
@@ -295,8 +199,8 @@ impl<
         let estimate = FrameEstimate {
             frame: self.frame,
             stamp_s: scan.stamp_s,
-            map_from_sensor: self.map_from_sensor(),
-            covariance: covariance(&information, &local_from_sensor),
+            map_from_sensor: self.motion.map_from_sensor(),
+            covariance: dense::covariance(&information, &local_from_sensor),
             status,
             evidence,
         };
@@ -337,15 +241,6 @@ impl<
             return Err(OdometryError::TimeWentBack { previous_s: self.stamp_s, current_s: stamp_s });
         }
         Ok(if self.frame > 0 { stamp_s - self.stamp_s } else { 0.0 })
-    }
-
-    /// The motion expected over `period_s`, at constant velocity.
-    fn predict(&self, period_s: f64) -> Pose {
-        if self.motion.period_s <= 0.0 {
-            return self.motion.previous_from_current;
-        }
-        let ratio = (period_s / self.motion.period_s) as f32;
-        pose::exp(&(pose::log(&self.motion.previous_from_current) * ratio.clamp(0.0, 10.0)))
     }
 
     /// Widens the searches after frames that were not registered.
@@ -487,7 +382,7 @@ impl<
         evidence.dense = result.evidence;
         let corrected_m = (result.local_from_sensor.translation.vector - start.translation.vector).norm();
         let DenseEvidence { inliers, upright_inliers, .. } = result.evidence;
-        if inliers < config.dense.min_inliers || misfits(&config.dense, &result.evidence) {
+        if inliers < config.dense.min_inliers || dense::misfits(&config.dense, &result.evidence) {
             return (*predicted, FrameStatus::Predicted(Fallback::TooFewInliers), Matrix6::zeros());
         }
         if upright_inliers < config.dense.min_upright_inliers {
@@ -518,38 +413,12 @@ impl<
         }
     }
 
-    /// Takes the new pose over. The motion is that since the last registered frame: a step from a predicted pose to a
-    /// registered one is a correction, not a motion.
-    fn advance(&mut self, local_from_sensor: &Pose, period_s: f64, status: FrameStatus) {
-        let motion = &mut self.motion;
-        if self.frame > 0 {
-            let step = compose(&motion.local_from_sensor.inverse(), local_from_sensor);
-            motion.path_m += step.translation.vector.norm();
-            motion.unregistered_s += period_s;
-            if status == FrameStatus::Registered {
-                let since = compose(&motion.registered.inverse(), local_from_sensor);
-                let share = (period_s / motion.unregistered_s) as f32;
-                motion.previous_from_current =
-                    if share < 1.0 { pose::exp(&(pose::log(&since) * share)) } else { since };
-                motion.lost = 0;
-            } else {
-                motion.previous_from_current = step;
-                motion.lost += 1;
-            }
-            motion.period_s = period_s;
-        }
-        motion.local_from_sensor = *local_from_sensor;
-        if !matches!(status, FrameStatus::Predicted(_)) {
-            (motion.registered, motion.unregistered_s) = (*local_from_sensor, 0.0);
-        }
-    }
-
     /// The submap does not cover this place (empty scans before it, a long gap), or has not fitted for long: the scan
     /// starts it anew where the prediction has it.
     fn restarts_submap(&mut self, evidence: &Evidence) -> bool {
         let dense = &evidence.dense;
         let usable = dense.source_points >= self.config.precise_pose.dense.min_inliers;
-        let misfit = usable && misfits(&self.config.precise_pose.dense, dense);
+        let misfit = usable && dense::misfits(&self.config.precise_pose.dense, dense);
         self.motion.misfits = if misfit { self.motion.misfits + 1 } else { 0 };
         let stale = self.motion.misfits >= RESTART_FRAMES;
         if stale {
@@ -582,12 +451,6 @@ impl<
                 still,
             );
         }
-    }
-
-    fn map_from_sensor(&self) -> MapPose {
-        let local: MapPose = self.motion.local_from_sensor.cast();
-        let [x, y, z] = self.motion.anchor_m;
-        Translation3::new(x, y, z) * local
     }
 
     /// Moves the origin of the local frame, and all that is written in it, when the vehicle is far from it.
@@ -630,11 +493,6 @@ impl<
     }
 }
 
-/// Too many of the points above ground that found a partner do not fit it.
-fn misfits(config: &dense::Config, evidence: &DenseEvidence) -> bool {
-    (evidence.upright_inliers as f32) < config.min_inlier_share * evidence.upright_partners as f32
-}
-
 /// The group in which a cell is registered; `None` for what may move and is not known to stand still.
 fn group_of(cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
     match cell.class.motion() {
@@ -645,39 +503,4 @@ fn group_of(cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
         MotionClass::Dropped => None,
         _ => Some(Group::of(cell.class)),
     }
-}
-
-/// Product of two poses, with the rotation renormalised: products of products leave the unit sphere exponentially fast.
-fn compose(a: &Pose, b: &Pose) -> Pose {
-    let mut product = a * b;
-    product.rotation = UnitQuaternion::new_normalize(product.rotation.into_inner());
-    product
-}
-
-/// Residuals of neighbouring points err together; this many count as one independent one.
-const CORRELATED_POINTS: f32 = 20.0;
-
-/// Covariance in the sensor frame (x, y, z, roll, pitch, yaw) from the information in the local frame. A frame that was
-/// not registered gets 1 m and 0.1 rad.
-fn covariance(information: &Matrix6<f32>, local_from_sensor: &Pose) -> [[f32; 6]; 6] {
-    let Some(cholesky) = information.cholesky() else {
-        return core::array::from_fn(|i| {
-            core::array::from_fn(|j| {
-                if i != j {
-                    0.0
-                } else if i < 3 {
-                    1.0
-                } else {
-                    0.01
-                }
-            })
-        });
-    };
-    let mut sensor_from_local = Matrix6::zeros();
-    let rotation = local_from_sensor.rotation.inverse().to_rotation_matrix();
-    sensor_from_local.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
-    sensor_from_local.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
-    let covariance =
-        sensor_from_local * cholesky.inverse() * sensor_from_local.transpose() * CORRELATED_POINTS;
-    core::array::from_fn(|i| core::array::from_fn(|j| covariance[(i, j)]))
 }

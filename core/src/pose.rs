@@ -66,6 +66,13 @@ pub fn log_so3(q: &UnitQuaternion<f32>) -> Vector3<f32> {
     if n < 1e-6 { v * 2.0 } else { v * (2.0 * math::atan2(n, q.w * sign) / n) }
 }
 
+/// Product of two poses, with the rotation renormalised: products of products leave the unit sphere exponentially fast.
+pub fn compose(a: &Pose, b: &Pose) -> Pose {
+    let mut product = a * b;
+    product.rotation = UnitQuaternion::new_normalize(product.rotation.into_inner());
+    product
+}
+
 /// Small motion as [translation; rotation vector] to a pose (translation and rotation taken separately).
 pub fn exp(twist: &Vector6<f32>) -> Pose {
     Pose::from_parts(

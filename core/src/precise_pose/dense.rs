@@ -157,6 +157,11 @@ pub fn register<const SETS: usize>(
     Registration { local_from_sensor, information, evidence }
 }
 
+/// Too many of the points above ground that found a partner do not fit it.
+pub fn misfits(config: &Config, evidence: &DenseEvidence) -> bool {
+    (evidence.upright_inliers as f32) < config.min_inlier_share * evidence.upright_partners as f32
+}
+
 /// The scan itself, and not what was held, determines the position.
 pub fn determines(config: &Config, information: &Matrix6<f32>) -> bool {
     let Some(cholesky) = information.cholesky() else { return false };
@@ -267,4 +272,32 @@ impl NormalEquations {
 
 fn square(v: f32) -> f32 {
     v * v
+}
+
+/// Residuals of neighbouring points err together; this many count as one independent one.
+const CORRELATED_POINTS: f32 = 20.0;
+
+/// Covariance in the sensor frame (x, y, z, roll, pitch, yaw) from the information in the local frame. A frame that was
+/// not registered gets 1 m and 0.1 rad.
+pub fn covariance(information: &Matrix6<f32>, local_from_sensor: &Pose) -> [[f32; 6]; 6] {
+    let Some(cholesky) = information.cholesky() else {
+        return core::array::from_fn(|i| {
+            core::array::from_fn(|j| {
+                if i != j {
+                    0.0
+                } else if i < 3 {
+                    1.0
+                } else {
+                    0.01
+                }
+            })
+        });
+    };
+    let mut sensor_from_local = Matrix6::zeros();
+    let rotation = local_from_sensor.rotation.inverse().to_rotation_matrix();
+    sensor_from_local.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation.matrix());
+    sensor_from_local.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation.matrix());
+    let covariance =
+        sensor_from_local * cholesky.inverse() * sensor_from_local.transpose() * CORRELATED_POINTS;
+    core::array::from_fn(|i| core::array::from_fn(|j| covariance[(i, j)]))
 }
