@@ -51,26 +51,25 @@ impl EgoMotion {
     /// Takes the new pose over. The motion is that since the last registered frame: a step from a predicted pose to a
     /// registered one is a correction, not a motion.
     pub fn advance(&mut self, local_from_sensor: &Pose, period_s: f64, status: FrameStatus) {
-        let motion = self;
         if status != FrameStatus::First {
-            let step = compose(&motion.local_from_sensor.inverse(), local_from_sensor);
-            motion.path_m += step.translation.vector.norm();
-            motion.unregistered_s += period_s;
+            let step = compose(&self.local_from_sensor.inverse(), local_from_sensor);
+            self.path_m += step.translation.vector.norm();
+            self.unregistered_s += period_s;
             if status == FrameStatus::Registered {
-                let since = compose(&motion.registered.inverse(), local_from_sensor);
-                let share = (period_s / motion.unregistered_s) as f32;
-                motion.previous_from_current =
+                let since = compose(&self.registered.inverse(), local_from_sensor);
+                let share = (period_s / self.unregistered_s) as f32;
+                self.previous_from_current =
                     if share < 1.0 { pose::exp(&(pose::log(&since) * share)) } else { since };
-                motion.lost = 0;
+                self.lost = 0;
             } else {
-                motion.previous_from_current = step;
-                motion.lost += 1;
+                self.previous_from_current = step;
+                self.lost += 1;
             }
-            motion.period_s = period_s;
+            self.period_s = period_s;
         }
-        motion.local_from_sensor = *local_from_sensor;
+        self.local_from_sensor = *local_from_sensor;
         if !matches!(status, FrameStatus::Predicted(_)) {
-            (motion.registered, motion.unregistered_s) = (*local_from_sensor, 0.0);
+            (self.registered, self.unregistered_s) = (*local_from_sensor, 0.0);
         }
     }
 

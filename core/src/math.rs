@@ -1,8 +1,6 @@
 //! The only door to libm: the same functions, hence the same bits, on the host and on the target.
 
-pub use libm::{
-    atan2f as atan2, cosf as cos, expf as exp, fabsf as abs, logf as ln, sinf as sin, sqrtf as sqrt,
-};
+pub use libm::{atan2f as atan2, cosf as cos, fabsf as abs, sinf as sin, sqrtf as sqrt};
 
 /// Largest integer not above `v`, as an integer; `v` must fit an i32.
 #[inline]
