@@ -19,6 +19,7 @@ pub const SAMPLES: usize = 24;
 /// Motion state of a landmark (section 3.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum MotionState {
     /// Its class never moves.
     #[default]
