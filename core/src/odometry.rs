@@ -1,5 +1,8 @@
 //! The story of one frame, in the paper's order. Only this file knows the order of the stages.
 
+#[cfg(feature = "snapshot")]
+mod snapshot;
+
 use heapless::Vec;
 use nalgebra::{Matrix6, Point3, Translation3, Vector3};
 

@@ -12,13 +12,15 @@ fn main() {
         // cortex-m-rt's script includes memory.x.
         Ok("arm") => {
             put("memory.x", include_bytes!("link/mps2-an500.x"));
-            println!("cargo:rustc-link-arg-bins=-Tlink.x");
+            println!("cargo:rustc-link-arg-bin=vehicle=-Tlink.x");
         }
         Ok("aarch64") => {
             put("virt.x", include_bytes!("link/virt.x"));
-            println!("cargo:rustc-link-arg-bins=-Tvirt.x");
+            println!("cargo:rustc-link-arg-bin=vehicle=-Tvirt.x");
         }
         _ => println!("cargo:warning=no board with this processor"),
     }
-    println!("cargo:rustc-link-arg-bins=-Tdefmt.x");
+    println!("cargo:rustc-link-arg-bin=vehicle=-Tdefmt.x");
+    // The proof keeps its hot path, and what that needs, and nothing else.
+    println!("cargo:rustc-link-arg-bin=proof=--entry=hot_path");
 }

@@ -34,6 +34,7 @@ pub enum MotionState {
 
 /// One landmark of a scan.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Landmark {
     /// Class: that of most of its points.
     pub class: SemanticClass,

@@ -17,6 +17,7 @@ const SNAPSHOT_FRAMES: u32 = 5;
 
 /// Where a landmark's surface was some frames ago, local frame.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Snapshot {
     /// Frames since.
     pub age: u32,
@@ -30,6 +31,7 @@ pub struct Snapshot {
 
 /// A landmark followed over time; local frame.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Track {
     /// Identity, never reused.
     pub id: u32,

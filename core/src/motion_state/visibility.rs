@@ -4,6 +4,9 @@
 //! through has left. Neither depends on which side of the thing is seen, which is what makes the centre of a parked
 //! car wander when it is passed (weakness of eq. 5).
 
+#[cfg(feature = "snapshot")]
+mod snapshot;
+
 use heapless::Deque;
 use micromath::F32Ext;
 use nalgebra::{Point3, Vector3};
