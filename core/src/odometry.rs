@@ -1,5 +1,8 @@
 //! The story of one frame, in the paper's order. Only this file knows the order of the stages.
 
+#[cfg(feature = "snapshot")]
+mod snapshot;
+
 use heapless::Vec;
 use nalgebra::{Matrix6, Point3, Translation3, Vector3};
 
@@ -54,6 +57,7 @@ pub struct Odometry<
     const TRACKS: usize,
     const VOXEL_SETS: usize,
     const MAP_LANDMARKS: usize,
+    const RANGE_COLUMNS: usize = { crate::capacity::RANGE_COLUMNS },
 > {
     config: Config,
     frame: u32,
@@ -69,7 +73,7 @@ pub struct Odometry<
     candidates: Vec<Candidate, LANDMARKS>,
     pairs: Vec<HullPair, PAIRS>,
     tracks: Vec<Track, TRACKS>,
-    visibility: Visibility,
+    visibility: Visibility<RANGE_COLUMNS>,
     source: Vec<SourcePoint, CELLS>,
     calibration: Calibration,
     voxels: VoxelMap<VOXEL_SETS>,
@@ -83,7 +87,8 @@ impl<
     const TRACKS: usize,
     const VOXEL_SETS: usize,
     const MAP_LANDMARKS: usize,
-> Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS>
+    const RANGE_COLUMNS: usize,
+> Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS, RANGE_COLUMNS>
 {
     /// An odometry at the origin of its map.
     pub const fn new(config: Config) -> Result<Self, ParameterError> {
@@ -111,6 +116,18 @@ impl<
             voxels: VoxelMap::new(),
             map_landmarks: Vec::new(),
         })
+    }
+
+    /// Back to the origin with another configuration, everything forgotten: as [`Self::new`], but in place, whatever
+    /// was there before.
+    ///
+    /// # Errors
+    /// A parameter that is out of range; nothing has changed then.
+    pub fn restart(&mut self, config: Config) -> Result<(), ParameterError> {
+        config.check()?;
+        self.config = config;
+        self.reset();
+        Ok(())
     }
 
     /// Back to the origin, everything forgotten but the configuration.

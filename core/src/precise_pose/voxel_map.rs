@@ -4,6 +4,9 @@
 //! cost the same however long the drive is. What is replaced first: a voxel outside the window, then the one seen
 //! longest ago.
 
+#[cfg(feature = "snapshot")]
+mod snapshot;
+
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use crate::error::ParameterError;
@@ -43,6 +46,7 @@ impl Group {
 
 /// What a voxel knows about a surface.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Voxel {
     /// Mean of the points [m], relative to the centre of the voxel.
     mean: [f32; 3],

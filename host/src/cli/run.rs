@@ -40,6 +40,9 @@ pub(super) struct Args {
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
+    /// Also record every scan as the core gets it, for sdslam-firmware-sim and boards; replaces the file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Threads: 1 does one thing after the other; with 2 or more the next scan is read and the map grows while the core
     /// works. The results are the same.
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
@@ -98,6 +101,7 @@ impl Args {
             end_frame: frames.end,
             threads: self.threads.into(),
             overwrite: self.overwrite,
+            record: self.record,
             out: self.out,
         })
     }

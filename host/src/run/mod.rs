@@ -29,6 +29,7 @@ mod motion;
 mod output;
 mod picture;
 mod record;
+mod recording;
 mod scans;
 mod stopwatch;
 mod summary;
@@ -49,6 +50,7 @@ use mapping::Mapping;
 pub use motion::MovingLandmarks;
 use output::OutputFolder;
 use record::Recorder;
+use recording::Recording;
 use scans::Stamps;
 pub use stopwatch::Milliseconds;
 use stopwatch::Stopwatch;
@@ -74,6 +76,8 @@ pub struct Request {
     pub threads: usize,
     /// Replace the files of an earlier run.
     pub overwrite: bool,
+    /// Write every scan to this file too, as the core gets it, for replays by the firmware.
+    pub record: Option<PathBuf>,
     /// The results go into the folder of the sequence's name in here.
     pub out: PathBuf,
 }
@@ -102,6 +106,7 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
     let mut recorder = Recorder::new(request, &sequence, frames.clone(), ground_truth, folder)?;
     let mut mapping = Mapping::start(VoxelMap::new(config.map), request.threads);
+    let mut recording = request.record.as_deref().map(Recording::create).transpose()?;
     let mut stamps = Stamps::default();
     let mut recent = RecentMotion::default();
 
@@ -116,6 +121,9 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
             dataset::deskew(&mut scan.points, &recent.per_period());
         }
         let mut points = scan.labelled_points();
+        if let Some(recording) = &mut recording {
+            recording.add(stamp_s, &points)?;
+        }
 
         let mut stopwatch = Stopwatch::start();
         let mut labelled = LabelledScan { stamp_s, points: &mut points };
@@ -133,6 +141,7 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
         Ok(())
     })?;
 
+    recording.map_or(Ok(()), Recording::finish)?;
     recorder.finish(&sequence, &mapping.finish())
 }
 
