@@ -4,5 +4,6 @@ pub mod cli;
 pub mod config;
 pub mod dataset;
 pub mod evaluate;
+pub mod pose_graph;
 pub mod run;
 pub mod simulate;
