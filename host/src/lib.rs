@@ -6,4 +6,5 @@ pub mod dataset;
 pub mod evaluate;
 pub mod pose_graph;
 pub mod run;
+pub mod semantic_map;
 pub mod simulate;
