@@ -42,7 +42,7 @@ impl Config {
             preliminary_pose: preliminary_pose::Config::PAPER,
             motion_state: motion_state::Config::PAPER,
             precise_pose: precise_pose::Config::PAPER,
-            loop_closure: loop_closure::Config::DEFAULT,
+            loop_closure: loop_closure::Config::PAPER,
         }
     }
 

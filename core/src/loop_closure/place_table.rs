@@ -104,11 +104,6 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
         self.forgotten
     }
 
-    /// Words in the table, and the mean number of them in a bucket that is in use (BoW3D's N and N / N_w).
-    pub fn usage(&self) -> (u32, f32) {
-        (self.words, self.words as f32 / self.used_buckets.max(1) as f32)
-    }
-
     fn bucket(word: u32) -> usize {
         word as usize & (BUCKETS - 1)
     }
@@ -171,6 +166,11 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
             }
             at = before.next;
         }
+    }
+
+    /// Entries that a bucket holds at most to be looked up: `ratio` times the mean of those in use.
+    pub fn entry_limit(&self, ratio: f32) -> u32 {
+        (ratio * self.words as f32 / self.used_buckets.max(1) as f32) as u32
     }
 
     /// The word's bucket holds at most `limit` entries (BoW3D's ratio test).

@@ -31,6 +31,8 @@ pub struct Verified {
     pub old_from_new: Pose,
     /// Pairs of keypoints that the transform lays on each other.
     pub inliers: u32,
+    /// Inliers of the best other transform.
+    pub runner_up: u32,
     /// Inliers as a share of the keypoints that both views should show, 0..1.
     pub score: f32,
     /// Root mean square horizontal distance of the pairs [m].
@@ -85,13 +87,22 @@ pub fn verify(
         if tried.push(hypothesis).is_err() {
             break;
         }
-        if let Some(found) = refine(config, new, old, &hypothesis)
-            && best.as_ref().is_none_or(|b| found.inliers > b.inliers)
-        {
-            best = Some(found);
+        if let Some(found) = refine(config, new, old, &hypothesis) {
+            best = Some(match best {
+                Some(best) => better(config, best, found),
+                None => found,
+            });
         }
     }
     best
+}
+
+/// The one with more inliers, which remembers the other where it is another transform.
+fn better(config: &Config, a: Verified, b: Verified) -> Verified {
+    let (winner, loser) = if b.inliers > a.inliers { (b, a) } else { (a, b) };
+    let planar = |v: &Verified| PlanarPose::from_pose(&v.old_from_new);
+    let other = if agree(config, &planar(&winner), &planar(&loser)) { 0 } else { loser.inliers };
+    Verified { runner_up: winner.runner_up.max(loser.runner_up).max(other), ..winner }
 }
 
 /// Two hypotheses are the same place: origins within the inlier radius times two and directions within 3 degrees.
@@ -123,7 +134,7 @@ fn refine(config: &Config, new: &Features, old: &Place, start: &PlanarPose) -> O
     }
     let squares: f32 = pairs.iter().map(|(n, o)| horizontal2(&pose, n, o)).sum();
     let residual_m = math::sqrt(squares / pairs.len() as f32);
-    Some(Verified { old_from_new: pose, inliers: pairs.len() as u32, score: share, residual_m })
+    Some(Verified { old_from_new: pose, inliers: pairs.len() as u32, runner_up: 0, score: share, residual_m })
 }
 
 fn horizontal2(pose: &Pose, new: &[f32; 3], old: &[f32; 3]) -> f32 {
