@@ -14,10 +14,32 @@
 //!
 //! The points of a scan (16 bytes each) are the caller's.
 
+use crate::loop_closure::{FeatureExtractor, LoopDetector};
 use crate::odometry::Odometry;
 
 /// Landmark pairs whose hulls are registered, nearest first: 48 x 560 B.
 pub const PAIRS: usize = 48;
+
+/// Keypoints of a keyframe, nearest first: 20 B each in [`crate::loop_closure::Features`], 8 B each in a place.
+pub const KEYPOINTS: usize = 64;
+
+/// Words (triangles) of a place: 12 B each.
+pub const WORDS: usize = 384;
+
+/// Places examined per question: 1 KiB each, most of it hypotheses.
+pub const CANDIDATES: usize = 12;
+
+/// Transforms proposed for a place: 12 B each.
+pub const HYPOTHESES: usize = 96;
+
+/// Loop detection on a host: 4096 keyframes, 8 km at one every 2 m; 22 MiB.
+pub type HostLoopDetector = LoopDetector<4096, 524_288>;
+
+/// Loop detection on the vehicle: the last 256 keyframes, half a kilometre at one every 2 m; 1.4 MiB.
+pub type VehicleLoopDetector = LoopDetector<256, 32_768>;
+
+/// Keypoints from full scans: 60 B a column.
+pub type FullScanFeatureExtractor = FeatureExtractor<4096>;
 
 /// Profile for full scans of a 64-beam LiDAR, 10 times a second.
 pub type FullScanOdometry = Odometry<32768, 2048, 384, 256, 8192, 512>;
