@@ -4,6 +4,8 @@ pub mod cli;
 pub mod config;
 pub mod dataset;
 pub mod evaluate;
+mod heap;
+pub mod loops;
 pub mod pose_graph;
 pub mod run;
 pub mod semantic_map;

@@ -51,7 +51,12 @@ impl CliError {
             | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_)) => INPUT,
             Self::Simulate(_) | Self::Run(RunError::Output(_)) | Self::Stdout(_) => OUTPUT,
             Self::Config(_) | Self::Run(RunError::Config(_) | RunError::Parameter(_)) => CONFIGURATION,
-            Self::Run(RunError::Odometry { .. } | RunError::Memory { .. } | RunError::Evaluate(_)) => FAILED,
+            Self::Run(
+                RunError::Odometry { .. }
+                | RunError::Memory { .. }
+                | RunError::Graph(_)
+                | RunError::Evaluate(_),
+            ) => FAILED,
         }
     }
 }

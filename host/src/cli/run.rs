@@ -11,7 +11,8 @@ use crate::run::{self, Request, Summary};
 /// Run the SLAM on a drive.
 ///
 /// Reads DATASET/sequences/NN and writes to OUT/NN: poses_kitti.txt (camera frame), poses_tum.txt (sensor frame),
-/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
+/// poses_odometry.txt, loops.csv, graph.g2o,
+/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, map.pcd, map.png, grid.pgm, grid.yaml, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
 /// of the results is printed at the end.
 ///
 /// A scan that is missing or broken in the middle of a drive does not stop the run: its pose is predicted, and run.log
@@ -64,6 +65,9 @@ pub(super) struct Options {
     /// odometry benchmark are compensated already.
     #[arg(long)]
     deskew: bool,
+    /// Close no loops: the trajectory is the odometry's, and the map with it.
+    #[arg(long)]
+    no_loop_closure: bool,
 }
 
 impl Options {
@@ -77,6 +81,7 @@ impl Options {
             config.input.elevation_correction_deg = 0.0;
         }
         config.input.deskew |= self.deskew;
+        config.loops.enabled &= !self.no_loop_closure;
         Ok(config)
     }
 }

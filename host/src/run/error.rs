@@ -7,6 +7,7 @@ use sdslam_core::{OdometryError, ParameterError};
 use crate::config::ConfigError;
 use crate::dataset::DatasetError;
 use crate::evaluate::EvaluateError;
+use crate::pose_graph::GraphError;
 
 /// Why a run stopped. Faults of single scans do not stop it: they are counted and written to run.log.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +51,9 @@ pub enum RunError {
         /// What the system says, if it spoke.
         source: Option<std::io::Error>,
     },
+    /// The pose graph cannot be built or solved.
+    #[error("the pose graph failed")]
+    Graph(#[from] GraphError),
     /// Results do not go together with what they are compared with.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),

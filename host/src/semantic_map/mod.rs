@@ -78,6 +78,11 @@ impl SemanticMap {
         self.submaps.push(Submap::new(anchor));
     }
 
+    /// Keyframe of the present submap.
+    pub(crate) fn present_anchor(&self) -> Option<usize> {
+        self.submaps.last().map(|submap| submap.anchor)
+    }
+
     /// Adds the ground and pure static points of a scan to the present submap; `odometry_from_sensor` is not corrected.
     pub(crate) fn add_scan(
         &mut self,

@@ -1,0 +1,165 @@
+//! A proposed loop is refined by the core's dense registration: the scan of the new keyframe against the map of the old
+//! place, first with large voxels for reach, then with small ones.
+
+use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use sdslam_core::label_filter;
+use sdslam_core::precise_pose::dense::{self, Registration, SourcePoint};
+use sdslam_core::precise_pose::voxel_map::{self, Group, VoxelMap};
+use sdslam_core::scan_cells::ScanCells;
+use sdslam_core::{Config as CoreConfig, LabelledPoint, MapPose, Pose, SemanticClass};
+
+use crate::heap::on_heap;
+use crate::run::RunError;
+use crate::semantic_map::{RangeImage, enters};
+
+/// Points of the new scan farther than this are not registered \[m\].
+pub(crate) const SOURCE_RANGE_M: f32 = 40.0;
+/// Map around a place that is registered against \[m\].
+pub(crate) const PLACE_RANGE_M: f64 = 55.0;
+/// Edges of the voxels, one registration each \[m\].
+const STAGES_M: [f32; 2] = [2.0, 1.0];
+/// Points of the map a voxel counts at most: near places must not outweigh far ones.
+const MAX_COUNT: u32 = 10;
+/// Old points within this range of the new sensor are asked whether they were seen through \[m\],
+const SEEN_THROUGH_RANGE_M: f32 = 25.0;
+/// by this much \[m\].
+const SEEN_THROUGH_MARGIN_M: f32 = 1.0;
+
+type Cells = ScanCells<32768>;
+type Voxels = VoxelMap<8192>;
+
+/// The static map around an old place, in the frame of the place.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Place {
+    points: Vec<(Vector3<f32>, SemanticClass, u32)>,
+}
+
+impl Place {
+    /// Adds the mean \[m, frame of the place\] of `count` points, if it is near.
+    pub(crate) fn add(&mut self, position: [f64; 3], class: SemanticClass, count: u32) {
+        let position = Vector3::from(position);
+        if position.norm_squared() <= PLACE_RANGE_M * PLACE_RANGE_M {
+            self.points.push((position.map(|v| v as f32), class, count));
+        }
+    }
+}
+
+/// Outcome of a refinement.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Refined {
+    /// Pose of the new sensor in the frame of the old place.
+    pub place_from_sensor: MapPose,
+    /// Its covariance, sensor frame.
+    pub covariance: [[f32; 6]; 6],
+    /// Points that fit.
+    pub inliers: u32,
+    /// Share that fits, of the points above ground that lie on something of their kind, 0..1.
+    pub fit: f32,
+    /// Share of the points above ground that lie on something of their kind, 0..1.
+    pub overlap: f32,
+    /// Share of the old place's near points above ground that the new scan saw through, 0..1.
+    pub seen_through: f32,
+    /// Distance from the proposal \[m\].
+    pub moved_m: f32,
+    /// All six degrees of freedom are fixed.
+    pub determined: bool,
+}
+
+/// The buffers of the registration.
+pub(crate) struct Refiner {
+    core: CoreConfig,
+    cells: Box<Cells>,
+    voxels: Box<Voxels>,
+    source: Vec<SourcePoint>,
+}
+
+impl Refiner {
+    pub(crate) fn new(core: CoreConfig) -> Result<Self, RunError> {
+        Ok(Self {
+            core,
+            cells: on_heap(|| Ok::<_, RunError>(Cells::new()))?,
+            voxels: on_heap(|| Ok::<_, RunError>(Voxels::new()))?,
+            source: Vec::new(),
+        })
+    }
+
+    /// Registers the static points of a scan against a place, from `start`.
+    pub(crate) fn refine(&mut self, points: &[LabelledPoint], place: &Place, start: &MapPose) -> Refined {
+        self.gather_source(points);
+        let proposed: Pose = start.cast();
+        let (mut pose, mut registration) = (proposed, None);
+        for voxel_m in STAGES_M {
+            let result = self.register(place, voxel_m, &pose);
+            pose = result.local_from_sensor;
+            registration = Some(result);
+        }
+        let registration = registration.unwrap_or_else(|| self.register(place, STAGES_M[0], &pose));
+        self.judge(points, place, &proposed, &registration)
+    }
+
+    fn gather_source(&mut self, points: &[LabelledPoint]) {
+        let mut points: Vec<LabelledPoint> = points.iter().copied().filter(|p| enters(p.class)).collect();
+        let filter = label_filter::Config { max_range_m: SOURCE_RANGE_M, ..self.core.label_filter };
+        label_filter::filter(&filter, &mut points, &mut self.cells);
+        self.source.clear();
+        let cells = self.cells.cells().iter();
+        self.source.extend(cells.map(|c| SourcePoint { position: c.mean(), group: Group::of(c.class) }));
+    }
+
+    fn register(&mut self, place: &Place, voxel_m: f32, start: &Pose) -> Registration {
+        let voxels = voxel_map::Config { voxel_m, window_m: f32::MAX, ..self.core.precise_pose.voxels };
+        self.voxels.clear();
+        for (position, class, count) in &place.points {
+            let weight = (*count).min(MAX_COUNT) as f32;
+            self.voxels.merge(&voxels, Group::of(*class), 0.0, position, &Matrix3::zeros(), weight);
+        }
+        let config = dense::Config {
+            max_iterations: 30,
+            kernel_start: self.core.precise_pose.dense.kernel_start * voxel_m,
+            hold_m: 1.0,
+            hold_rad: 0.1,
+            ..self.core.precise_pose.dense
+        };
+        dense::register(&config, &voxels, &self.voxels, 0.0, &self.source, start)
+    }
+
+    fn judge(
+        &self,
+        points: &[LabelledPoint],
+        place: &Place,
+        proposed: &Pose,
+        result: &Registration,
+    ) -> Refined {
+        let pose = result.local_from_sensor;
+        let evidence = &result.evidence;
+        let upright = self.source.iter().filter(|point| point.group != Group::Ground).count() as f32;
+        let share = |part: u32, all: f32| part as f32 / all.max(1.0);
+        let rotation = UnitQuaternion::new_normalize(pose.rotation.cast::<f64>().into_inner());
+        let dense = dense::Config { hold_m: 1.0, ..self.core.precise_pose.dense };
+        Refined {
+            place_from_sensor: MapPose::from_parts(pose.translation.vector.cast::<f64>().into(), rotation),
+            covariance: dense::covariance(&result.information, &pose),
+            inliers: evidence.inliers,
+            fit: share(evidence.upright_inliers, evidence.upright_partners as f32),
+            overlap: share(evidence.upright_partners, upright),
+            seen_through: seen_through(points, place, &pose),
+            moved_m: (pose.translation.vector - proposed.translation.vector).norm(),
+            determined: dense::determines(&dense, &result.information),
+        }
+    }
+}
+
+/// Share of the old place's near points above ground that a scan at `place_from_sensor` saw through.
+fn seen_through(points: &[LabelledPoint], place: &Place, place_from_sensor: &Pose) -> f32 {
+    let image = RangeImage::of(points);
+    let (mut asked, mut through) = (0u32, 0u32);
+    for (position, class, _) in &place.points {
+        let seen = place_from_sensor.inverse_transform_point(&Point3::from(*position)).coords;
+        let is_near = seen.norm_squared() <= SEEN_THROUGH_RANGE_M * SEEN_THROUGH_RANGE_M;
+        if is_near && Group::of(*class) != Group::Ground {
+            asked += 1;
+            through += u32::from(image.sees_through(seen.into(), SEEN_THROUGH_MARGIN_M));
+        }
+    }
+    through as f32 / asked.max(1) as f32
+}
