@@ -8,5 +8,6 @@ mod heap;
 pub mod loops;
 pub mod pose_graph;
 pub mod run;
+pub mod saved_map;
 pub mod semantic_map;
 pub mod simulate;

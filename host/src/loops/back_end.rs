@@ -26,6 +26,8 @@ const LOOP_LENGTH_M: f64 = 10.0;
 const SUBMAP_M: f64 = 30.0;
 /// Path between two keyframes whose scans look for free space \[m\].
 const FREE_SPACE_EVERY_M: f64 = 4.0;
+/// The corrected trajectory comes near an old place within this \[m\]: the other carriageway is seen from here.
+const NEARBY_M: f64 = 20.0;
 /// Two proposals agree when one predicts the other this well \[m\], \[rad\],
 const AGREE_M: f64 = 0.3;
 const AGREE_RAD: f64 = 0.02;
@@ -33,8 +35,8 @@ const AGREE_RAD: f64 = 0.02;
 const AGREE_WITHIN_M: f64 = 20.0;
 /// What the covariance of a registration does not know, standard deviations: the map of the old place is off by as
 /// much \[m\], \[rad\].
-const PLACE_M: f64 = 0.02;
-const PLACE_RAD: f64 = 0.000_5;
+const PLACE_M: f64 = 0.008;
+const PLACE_RAD: f64 = 0.000_25;
 
 /// One scan as the back end takes it.
 pub(crate) struct BackEndScan {
@@ -289,8 +291,7 @@ impl BackEnd {
         let apart_m = |old: usize| (poses[old].translation.vector - poses[new].translation.vector).norm();
         let is_old = |old: &usize| here.stamp_s - self.keyframes[*old].stamp_s >= gap_s;
         let nearest = (0..new).filter(is_old).min_by(|a, b| apart_m(*a).total_cmp(&apart_m(*b)))?;
-        let near_enough = apart_m(nearest) <= f64::from(self.core.loop_closure.max_reverse_distance_m);
-        near_enough.then(|| Proposal {
+        (apart_m(nearest) <= NEARBY_M).then(|| Proposal {
             old: nearest,
             old_from_new: poses[nearest].inv_mul(&poses[new]),
             source: Source::Position,
