@@ -6,8 +6,8 @@
 
 use std::path::Path;
 use std::process::ExitCode;
-use std::time::Instant;
 
+use cpu_time::ThreadTime;
 use nalgebra::{Rotation3, Vector3};
 use sdslam::dataset::{DatasetError, Sequence, labels};
 use sdslam_core::capacity::{FullScanFeatureExtractor, HostLoopDetector};
@@ -30,13 +30,13 @@ struct Answer {
     error: [f64; 2],
 }
 
-/// Milliseconds of one step: sum and largest.
+/// CPU milliseconds of one step: sum and largest.
 #[derive(Default)]
 struct Time([f64; 2]);
 
 impl Time {
     fn measure<T>(&mut self, work: impl FnOnce() -> T) -> T {
-        let start = Instant::now();
+        let start = ThreadTime::now();
         let result = work();
         let ms = 1e3 * start.elapsed().as_secs_f64();
         self.0 = [self.0[0] + ms, self.0[1].max(ms)];
