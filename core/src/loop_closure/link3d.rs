@@ -148,7 +148,7 @@ pub fn propose(
             drawn.map(|m| new.keypoints[m.new as usize].position),
             drawn.map(|m| old.position(m.old)),
         );
-        if worst_m < config.inlier_radius_m && hypotheses.push(pose).is_err() {
+        if worst_m < 1.5 * config.inlier_radius_m && hypotheses.push(pose).is_err() {
             break;
         }
     }

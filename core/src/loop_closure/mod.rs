@@ -12,7 +12,7 @@
 //! | transform | `verification.rs` | RANSAC and closed form | consensus of the triangles and closed form |
 
 mod features;
-mod link3d;
+pub mod link3d;
 mod place_table;
 mod verification;
 mod words;
@@ -117,12 +117,12 @@ impl Config {
         side_tolerance_m: 0.15,
         max_ratio: 20.0,
         min_votes: 4,
-        inlier_radius_m: 0.5,
-        min_inliers: 8,
-        min_score: 0.4,
+        inlier_radius_m: 0.3,
+        min_inliers: 9,
+        min_score: 0.3,
         max_runner_up: 0.75,
-        max_distance_m: 3.0,
-        max_reverse_distance_m: 10.0,
+        max_distance_m: 2.9,
+        max_reverse_distance_m: 9.8,
         min_gap_s: 30.0,
         bow3d: Bow3dConfig {
             descriptors: 5,
@@ -251,7 +251,13 @@ impl<const PLACES: usize, const BUCKETS: usize> LoopDetector<PLACES, BUCKETS> {
         if let Err(error) = config.check() {
             return Err(error);
         }
-        Ok(Self { config, table: PlaceTable::new(), votes: [0; PLACES], counts: [0; PLACES], examined: Vec::new() })
+        Ok(Self {
+            config,
+            table: PlaceTable::new(),
+            votes: [0; PLACES],
+            counts: [0; PLACES],
+            examined: Vec::new(),
+        })
     }
 
     /// Forgets all places.
@@ -378,7 +384,7 @@ impl<const PLACES: usize, const BUCKETS: usize> LoopDetector<PLACES, BUCKETS> {
                     let Some(rank) = votes[place].checked_sub(1) else { return };
                     let old = corners.map(|i| table.places()[place].position(i));
                     let (pose, worst_m) = verification::planar_from_triples(new, old);
-                    if worst_m < config.inlier_radius_m {
+                    if worst_m < 1.5 * config.inlier_radius_m {
                         // More hypotheses than fit say the same again.
                         let _ = examined[rank as usize].hypotheses.push(pose);
                     }

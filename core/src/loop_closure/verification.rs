@@ -21,6 +21,9 @@ const TRIED: usize = 4;
 /// Rounds of pairing and closed-form solution.
 const ROUNDS: usize = 3;
 
+/// Means of the same thing, seen twice, differ in height by less than this [m]: one view may hide its lower half.
+const MAX_HEIGHT_DIFFERENCE_M: f32 = 1.5;
+
 /// Height [m] of the second point that every upright thing has for the closed form.
 const UPRIGHT_M: f32 = 3.0;
 
@@ -73,7 +76,7 @@ pub fn verify(
 ) -> Option<Verified> {
     let mut ranked: Vec<(u32, u16), HYPOTHESES> = Vec::new();
     for (i, h) in hypotheses.iter().enumerate() {
-        let support = hypotheses.iter().filter(|other| agree(config, h, other)).count() as u32;
+        let support = hypotheses.iter().filter(|other| agree(h, other)).count() as u32;
         let _ = ranked.push((support, i as u16));
     }
     ranked.sort_unstable_by_key(|r| (core::cmp::Reverse(r.0), r.1));
@@ -81,7 +84,7 @@ pub fn verify(
     let mut best: Option<Verified> = None;
     for (_, i) in ranked {
         let hypothesis = hypotheses[i as usize];
-        if tried.iter().any(|t| agree(config, t, &hypothesis)) {
+        if tried.iter().any(|t| agree(t, &hypothesis)) {
             continue;
         }
         if tried.push(hypothesis).is_err() {
@@ -89,7 +92,7 @@ pub fn verify(
         }
         if let Some(found) = refine(config, new, old, &hypothesis) {
             best = Some(match best {
-                Some(best) => better(config, best, found),
+                Some(best) => better(best, found),
                 None => found,
             });
         }
@@ -98,18 +101,17 @@ pub fn verify(
 }
 
 /// The one with more inliers, which remembers the other where it is another transform.
-fn better(config: &Config, a: Verified, b: Verified) -> Verified {
+fn better(a: Verified, b: Verified) -> Verified {
     let (winner, loser) = if b.inliers > a.inliers { (b, a) } else { (a, b) };
     let planar = |v: &Verified| PlanarPose::from_pose(&v.old_from_new);
-    let other = if agree(config, &planar(&winner), &planar(&loser)) { 0 } else { loser.inliers };
+    let other = if agree(&planar(&winner), &planar(&loser)) { 0 } else { loser.inliers };
     Verified { runner_up: winner.runner_up.max(loser.runner_up).max(other), ..winner }
 }
 
-/// Two hypotheses are the same place: origins within the inlier radius times two and directions within 3 degrees.
-fn agree(config: &Config, a: &PlanarPose, b: &PlanarPose) -> bool {
+/// Two hypotheses are the same place: origins within a metre and directions within 3 degrees.
+fn agree(a: &PlanarPose, b: &PlanarPose) -> bool {
     let (x, y) = (a.x - b.x, a.y - b.y);
-    let limit_m = 2.0 * config.inlier_radius_m;
-    x * x + y * y < limit_m * limit_m && math::abs(math::wrap(a.yaw - b.yaw)) < 0.05
+    x * x + y * y < 1.0 && math::abs(math::wrap(a.yaw - b.yaw)) < 0.05
 }
 
 /// Pairs of keypoint indices: new, old.
@@ -124,7 +126,9 @@ fn refine(config: &Config, new: &Features, old: &Place, start: &PlanarPose) -> O
     let mut pairs = Pairs::new();
     let mut share = 0.0;
     for round in 0..=ROUNDS {
-        share = pair(config, new, old, &pose, &mut pairs);
+        // The first pairs are those of a rough transform.
+        let radius_m = if round == 0 { 2.0 } else { 1.0 } * config.inlier_radius_m;
+        share = pair(config, radius_m, new, old, &pose, &mut pairs);
         if pairs.len() < 3 {
             return None;
         }
@@ -143,19 +147,19 @@ fn horizontal2(pose: &Pose, new: &[f32; 3], old: &[f32; 3]) -> f32 {
 }
 
 /// One-to-one pairs of equal class within the inlier radius; gives their share of what both views should show.
-fn pair(config: &Config, new: &Features, old: &Place, pose: &Pose, pairs: &mut Pairs) -> f32 {
+fn pair(config: &Config, radius_m: f32, new: &Features, old: &Place, pose: &Pose, pairs: &mut Pairs) -> f32 {
     pairs.clear();
     let mut taken = [false; KEYPOINTS];
-    let radius2 = config.inlier_radius_m * config.inlier_radius_m;
     let mut expected_new = 0;
     let reach2 = old.reach_m() * old.reach_m();
     for keypoint in &new.keypoints {
         let p = pose * nalgebra::Point3::from(keypoint.position);
         expected_new += u32::from(p.x * p.x + p.y * p.y <= reach2);
-        let mut nearest = (radius2, None);
+        let mut nearest = (radius_m * radius_m, None);
         for (j, (q, class)) in old.keypoints().enumerate() {
             let distance2 = (p.x - q[0]) * (p.x - q[0]) + (p.y - q[1]) * (p.y - q[1]);
-            if class == keypoint.class && !taken[j] && distance2 < nearest.0 {
+            let level = math::abs(p.z - q[2]) < MAX_HEIGHT_DIFFERENCE_M;
+            if level && class == keypoint.class && !taken[j] && distance2 < nearest.0 {
                 nearest = (distance2, Some((j, q)));
             }
         }
