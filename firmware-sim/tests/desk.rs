@@ -49,6 +49,7 @@ impl SimulatedDrive {
             end_frame: None,
             config,
             threads: 1,
+            save_map: None,
             overwrite: false,
             out: self.folder.path().join("out"),
         };

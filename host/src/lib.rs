@@ -5,6 +5,7 @@ pub mod config;
 pub mod dataset;
 pub mod evaluate;
 mod heap;
+pub mod localise;
 pub mod loops;
 pub mod pose_graph;
 pub mod run;

@@ -48,7 +48,7 @@ impl CliError {
             | Self::Simulate(SimulateError::Parameter { .. }) => USAGE,
             Self::Dataset(_)
             | Self::Evaluate(_)
-            | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_)) => INPUT,
+            | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_) | RunError::SavedMap(_)) => INPUT,
             Self::Simulate(_) | Self::Run(RunError::Output(_)) | Self::Stdout(_) => OUTPUT,
             Self::Config(_) | Self::Run(RunError::Config(_) | RunError::Parameter(_)) => CONFIGURATION,
             Self::Run(

@@ -38,6 +38,9 @@ pub(super) struct Args {
     /// Frames to run on, from A up to but without B; A.. and ..B leave the other end open. Default: all.
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
+    /// Save the map here for `sdslam localize`.
+    #[arg(long, value_name = "FILE")]
+    save_map: Option<PathBuf>,
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
@@ -72,7 +75,7 @@ pub(super) struct Options {
 
 impl Options {
     /// The configuration with what was typed on top.
-    fn config(&self) -> Result<HostConfig, CliError> {
+    pub(super) fn config(&self) -> Result<HostConfig, CliError> {
         let mut config = match &self.config {
             Some(file) => HostConfig::load(file, self.preset)?,
             None => HostConfig::of_preset(self.preset.unwrap_or_default()),
@@ -102,6 +105,7 @@ impl Args {
             first_frame: frames.first,
             end_frame: frames.end,
             threads: self.threads.into(),
+            save_map: self.save_map,
             overwrite: self.overwrite,
             out: self.out,
         })

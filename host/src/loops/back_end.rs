@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix6, Vector6};
 use sdslam_core::capacity::{FullScanFeatureExtractor, HostLoopDetector};
+use sdslam_core::loop_closure::Features;
 use sdslam_core::{Config as CoreConfig, FrameEstimate, FrameStatus, LabelledPoint, MapPose};
 
 use super::correction::corrected_trajectory;
@@ -16,6 +17,7 @@ use crate::config::{HostConfig, LoopConfig};
 use crate::heap::on_heap;
 use crate::pose_graph::{Edge, EdgeKind, PoseGraph, g2o};
 use crate::run::RunError;
+use crate::saved_map::SavedPlace;
 use crate::semantic_map::{RangeImage, SemanticMap, StaticMap};
 
 /// Two places this near along the graph are fixed to each other by less than a voxel \[m\].
@@ -58,6 +60,8 @@ pub(crate) struct BackEndResult {
     pub loops_csv: String,
     /// graph.g2o.
     pub graph_g2o: String,
+    /// Keyframes with their features, by which a later drive finds itself; none without loop closure.
+    pub places: Vec<SavedPlace>,
     /// For the summary.
     pub counts: LoopCounts,
 }
@@ -99,6 +103,8 @@ pub(crate) struct BackEnd {
     unconfirmed: Option<(usize, Edge)>,
     last_loop_m: f64,
     rows: Vec<LoopRow>,
+    /// Features of the completed keyframes.
+    features: Vec<Features>,
     /// The row of every loop in the graph.
     row_of_edge: BTreeMap<usize, usize>,
 }
@@ -124,6 +130,7 @@ impl BackEnd {
             unconfirmed: None,
             last_loop_m: f64::NEG_INFINITY,
             rows: Vec::new(),
+            features: Vec::new(),
             row_of_edge: BTreeMap::new(),
         })
     }
@@ -176,7 +183,13 @@ impl BackEnd {
         };
         let lines = self.rows.iter().map(LoopRow::line);
         let loops_csv = std::iter::once(table::HEADER.to_string()).chain(lines).collect();
-        Ok(BackEndResult { map_from_sensor, map, loops_csv, graph_g2o: g2o::to_text(&self.graph), counts })
+        let graph_g2o = g2o::to_text(&self.graph);
+        let place = |(pose, features): (&MapPose, &Features)| SavedPlace {
+            map_from_place: *pose,
+            features: features.clone(),
+        };
+        let places = poses.iter().zip(&self.features).map(place).collect();
+        Ok(BackEndResult { map_from_sensor, map, loops_csv, graph_g2o, places, counts })
     }
 
     /// The features of the last keyframe are complete: looks for loops from it, then makes it a place.
@@ -202,6 +215,7 @@ impl BackEnd {
             }
         }
         self.detector.add(new as u32, last.stamp_s, &features);
+        self.features.push(features);
         Ok(())
     }
 

@@ -21,5 +21,5 @@ mod verdict;
 pub use back_end::LoopCounts;
 pub(crate) use back_end::{BackEnd, BackEndResult, BackEndScan};
 pub(crate) use beside::Beside;
-pub(crate) use refine::{Place, Refined, Refiner, SOURCE_RANGE_M};
+pub(crate) use refine::{PLACE_RANGE_M, Place, Refined, Refiner};
 pub use verdict::Verdict;

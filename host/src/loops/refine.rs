@@ -13,11 +13,12 @@ use crate::run::RunError;
 use crate::semantic_map::{RangeImage, enters};
 
 /// Points of the new scan farther than this are not registered \[m\].
-pub(crate) const SOURCE_RANGE_M: f32 = 40.0;
+const SOURCE_RANGE_M: f32 = 40.0;
 /// Map around a place that is registered against \[m\].
 pub(crate) const PLACE_RANGE_M: f64 = 55.0;
-/// Edges of the voxels, one registration each \[m\].
-const STAGES_M: [f32; 2] = [2.0, 1.0];
+/// Edges of the voxels \[m\]: large ones reach farther, small ones are exact.
+const COARSE_M: f32 = 2.0;
+const FINE_M: f32 = 1.0;
 /// Points of the map a voxel counts at most: near places must not outweigh far ones.
 const MAX_COUNT: u32 = 10;
 /// Old points within this range of the new sensor are asked whether they were seen through \[m\],
@@ -83,18 +84,30 @@ impl Refiner {
         })
     }
 
-    /// Registers the static points of a scan against a place, from `start`.
+    /// Registers the static points of a scan against a place, from `start`, which may be off by a metre.
     pub(crate) fn refine(&mut self, points: &[LabelledPoint], place: &Place, start: &MapPose) -> Refined {
         self.gather_source(points);
         let proposed: Pose = start.cast();
-        let (mut pose, mut registration) = (proposed, None);
-        for voxel_m in STAGES_M {
-            let result = self.register(place, voxel_m, &pose);
-            pose = result.local_from_sensor;
-            registration = Some(result);
-        }
-        let registration = registration.unwrap_or_else(|| self.register(place, STAGES_M[0], &pose));
-        self.judge(points, place, &proposed, &registration)
+        self.load(place, COARSE_M);
+        let coarse = self.register(COARSE_M, &proposed);
+        self.load(place, FINE_M);
+        let fine = self.register(FINE_M, &coarse.local_from_sensor);
+        let seen_through = seen_through(points, place, &fine.local_from_sensor);
+        self.judge(&proposed, &fine, seen_through)
+    }
+
+    /// Makes a place the one that [`Self::track`] registers against.
+    pub(crate) fn load_place(&mut self, place: &Place) {
+        self.load(place, FINE_M);
+    }
+
+    /// Registers the static points of a scan against the place loaded last, from `start`, which is good to some
+    /// decimetres.
+    pub(crate) fn track(&mut self, points: &[LabelledPoint], start: &MapPose) -> Refined {
+        self.gather_source(points);
+        let proposed: Pose = start.cast();
+        let result = self.register(FINE_M, &proposed);
+        self.judge(&proposed, &result, 0.0)
     }
 
     fn gather_source(&mut self, points: &[LabelledPoint]) {
@@ -106,45 +119,44 @@ impl Refiner {
         self.source.extend(cells.map(|c| SourcePoint { position: c.mean(), group: Group::of(c.class) }));
     }
 
-    fn register(&mut self, place: &Place, voxel_m: f32, start: &Pose) -> Registration {
-        let voxels = voxel_map::Config { voxel_m, window_m: f32::MAX, ..self.core.precise_pose.voxels };
+    fn load(&mut self, place: &Place, voxel_m: f32) {
+        let voxels = self.voxel_config(voxel_m);
         self.voxels.clear();
         for (position, class, count) in &place.points {
             let weight = (*count).min(MAX_COUNT) as f32;
             self.voxels.merge(&voxels, Group::of(*class), 0.0, position, &Matrix3::zeros(), weight);
         }
-        let config = dense::Config {
-            max_iterations: 30,
-            kernel_start: self.core.precise_pose.dense.kernel_start * voxel_m,
-            hold_m: 1.0,
-            hold_rad: 0.1,
-            ..self.core.precise_pose.dense
-        };
-        dense::register(&config, &voxels, &self.voxels, 0.0, &self.source, start)
     }
 
-    fn judge(
-        &self,
-        points: &[LabelledPoint],
-        place: &Place,
-        proposed: &Pose,
-        result: &Registration,
-    ) -> Refined {
+    fn voxel_config(&self, voxel_m: f32) -> voxel_map::Config {
+        voxel_map::Config { voxel_m, window_m: f32::MAX, ..self.core.precise_pose.voxels }
+    }
+
+    fn dense_config(&self) -> dense::Config {
+        dense::Config { max_iterations: 30, hold_m: 1.0, hold_rad: 0.1, ..self.core.precise_pose.dense }
+    }
+
+    fn register(&self, voxel_m: f32, start: &Pose) -> Registration {
+        let dense = self.dense_config();
+        let config = dense::Config { kernel_start: dense.kernel_start * voxel_m, ..dense };
+        dense::register(&config, &self.voxel_config(voxel_m), &self.voxels, 0.0, &self.source, start)
+    }
+
+    fn judge(&self, proposed: &Pose, result: &Registration, seen_through: f32) -> Refined {
         let pose = result.local_from_sensor;
         let evidence = &result.evidence;
         let upright = self.source.iter().filter(|point| point.group != Group::Ground).count() as f32;
         let share = |part: u32, all: f32| part as f32 / all.max(1.0);
         let rotation = UnitQuaternion::new_normalize(pose.rotation.cast::<f64>().into_inner());
-        let dense = dense::Config { hold_m: 1.0, ..self.core.precise_pose.dense };
         Refined {
             place_from_sensor: MapPose::from_parts(pose.translation.vector.cast::<f64>().into(), rotation),
             covariance: dense::covariance(&result.information, &pose),
             inliers: evidence.inliers,
             fit: share(evidence.upright_inliers, evidence.upright_partners as f32),
             overlap: share(evidence.upright_partners, upright),
-            seen_through: seen_through(points, place, &pose),
+            seen_through,
             moved_m: (pose.translation.vector - proposed.translation.vector).norm(),
-            determined: dense::determines(&dense, &result.information),
+            determined: dense::determines(&self.dense_config(), &result.information),
         }
     }
 }

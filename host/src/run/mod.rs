@@ -29,6 +29,7 @@
 
 mod error;
 mod journal;
+mod localise;
 mod motion;
 mod output;
 mod picture;
@@ -47,7 +48,9 @@ use crate::config::HostConfig;
 use crate::dataset::{self, Sequence};
 use crate::heap::on_heap;
 use crate::loops::{BackEnd, BackEndScan, Beside};
+use crate::saved_map::SavedMap;
 pub use error::{OutputError, RunError};
+pub use localise::{LocaliseRequest, LocaliseSummary, localise};
 pub use motion::MovingLandmarks;
 use output::OutputFolder;
 use record::Recorder;
@@ -73,6 +76,8 @@ pub struct Request {
     pub config: HostConfig,
     /// 1: one thing after the other; more: the next scan is read and the map grows meanwhile. The results are the same.
     pub threads: usize,
+    /// Where the map is saved for later drives, if it is.
+    pub save_map: Option<PathBuf>,
     /// Replace the files of an earlier run.
     pub overwrite: bool,
     /// The results go into the folder of the sequence's name in here.
@@ -102,6 +107,8 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     let core = config.core;
     let mut odometry = on_heap(move || FullScanOdometry::new(core))?;
     let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
+    let map_file =
+        request.save_map.as_deref().map(|path| output::begin_file(path, request.overwrite)).transpose()?;
     let mut recorder = Recorder::new(request, &sequence, frames.clone(), ground_truth, folder)?;
     let mut back_end = Beside::start(Box::new(BackEnd::new(config)?), request.threads);
     let mut stamps = Stamps::default();
@@ -133,7 +140,13 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
         Ok(())
     })?;
 
-    recorder.finish(&sequence, &back_end.finish()?)
+    let result = back_end.finish()?;
+    let summary = recorder.finish(&sequence, &result)?;
+    if let Some(mut file) = map_file {
+        file.append(&SavedMap::new(result.map, result.places).to_bytes())?;
+        file.finish()?;
+    }
+    Ok(summary)
 }
 
 /// The last step of the vehicle, for undoing its motion during a scan.

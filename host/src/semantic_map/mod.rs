@@ -17,7 +17,7 @@ use rustc_hash::FxBuildHasher;
 use sdslam_core::{LabelledPoint, MapPose, MotionClass, SemanticClass};
 
 use crate::config::MapConfig;
-pub use assembled::{MapCell, StaticMap};
+pub use assembled::{MapCell, ObstacleGrid, StaticMap};
 pub(crate) use range_image::RangeImage;
 pub(crate) use voxel::Voxel;
 
