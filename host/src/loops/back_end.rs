@@ -2,17 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::Matrix6;
 use sdslam_core::capacity::{FullScanFeatureExtractor, HostLoopDetector};
 use sdslam_core::loop_closure::Features;
 use sdslam_core::{Config as CoreConfig, FrameEstimate, FrameStatus, LabelledPoint, MapPose};
 
+use super::agreement::agree;
 use super::correction::corrected_trajectory;
-use super::keyframe::{Keyframe, OdometryError, covariance_of};
+use super::keyframe::{Keyframe, OdometryError};
 use super::nearness::reachable_within;
 use super::proposal::{Proposal, Source};
 use super::table::{self, LoopRow};
-use super::{Place, Refined, Refiner, Verdict};
+use super::{Place, Refiner, Verdict};
 use crate::config::{HostConfig, LoopConfig};
 use crate::heap::on_heap;
 use crate::pose_graph::{Edge, EdgeKind, PoseGraph, g2o};
@@ -30,16 +31,6 @@ const SUBMAP_M: f64 = 30.0;
 const FREE_SPACE_EVERY_M: f64 = 4.0;
 /// The corrected trajectory comes near an old place within this \[m\]: the other carriageway is seen from here.
 const NEARBY_M: f64 = 20.0;
-/// Two proposals agree when one predicts the other this well \[m\], \[rad\],
-const AGREE_M: f64 = 0.3;
-const AGREE_RAD: f64 = 0.02;
-/// and their keyframes lie no farther apart than this \[m\].
-const AGREE_WITHIN_M: f64 = 20.0;
-/// What the covariance of a registration does not know, standard deviations: the map of the old place is off by as
-/// much \[m\], \[rad\].
-const PLACE_M: f64 = 0.008;
-const PLACE_RAD: f64 = 0.000_25;
-
 /// One scan as the back end takes it.
 pub(crate) struct BackEndScan {
     /// Points with their classes.
@@ -343,10 +334,10 @@ impl BackEnd {
             old_from_new: refined.place_from_sensor,
             verdict: against.unwrap_or(Verdict::Unconfirmed),
         });
-        let edge = loop_edge(proposal.old, new, &refined);
+        let edge = refined.edge(proposal.old, new);
         let Some(edge) = edge.filter(|_| against.is_none()) else { return Ok(false) };
         let waiting = self.unconfirmed.take();
-        match waiting.filter(|(_, waiting)| self.agree(waiting, &edge)) {
+        match waiting.filter(|(_, waiting)| agree(&self.keyframes, waiting, &edge)) {
             Some((earlier, waiting)) => {
                 self.close(&[(earlier, waiting), (row, edge)])?;
                 self.last_loop_m = self.keyframes[new].path_m;
@@ -354,20 +345,6 @@ impl BackEnd {
             None => self.unconfirmed = Some((row, edge)),
         }
         Ok(true)
-    }
-
-    /// One loop predicts the other by the odometry of both visits.
-    fn agree(&self, earlier: &Edge, later: &Edge) -> bool {
-        let odometry = |k: usize| &self.keyframes[k].odometry;
-        let way = |a: usize, b: usize| (self.keyframes[a].path_m - self.keyframes[b].path_m).abs();
-        if way(earlier.from, later.from).max(way(earlier.to, later.to)) > AGREE_WITHIN_M {
-            return false;
-        }
-        let old_between = odometry(later.from).inv_mul(odometry(earlier.from));
-        let new_between = odometry(earlier.to).inv_mul(odometry(later.to));
-        let predicted = old_between * earlier.from_from_to * new_between;
-        let off = predicted.inv_mul(&later.from_from_to);
-        off.translation.vector.norm() <= AGREE_M && off.rotation.angle() <= AGREE_RAD
     }
 
     /// Puts loops into the graph and corrects the poses.
@@ -390,17 +367,4 @@ fn between(keyframes: &[Keyframe], poses: &[MapPose], to: usize, from: usize) ->
     let correction = |k: usize| poses[k] * keyframes[k].odometry.inverse();
     let unmoved = poses[to] == keyframes[to].odometry && poses[from] == keyframes[from].odometry;
     if unmoved || to == from { MapPose::identity() } else { correction(to).inv_mul(&correction(from)) }
-}
-
-fn loop_edge(old: usize, new: usize, refined: &Refined) -> Option<Edge> {
-    let (p, r) = (PLACE_M * PLACE_M, PLACE_RAD * PLACE_RAD);
-    let unknown = Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r));
-    let information = (covariance_of(&refined.covariance) + unknown).cholesky()?.inverse();
-    Some(Edge {
-        from: old,
-        to: new,
-        from_from_to: refined.place_from_sensor,
-        information,
-        kind: EdgeKind::Loop,
-    })
 }

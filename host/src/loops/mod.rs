@@ -8,6 +8,7 @@
 //! place, tested ([`Verdict`]), and must agree with the next one; then the graph decides whether it can follow
 //! ([`crate::pose_graph`]).
 
+mod agreement;
 mod back_end;
 mod beside;
 mod correction;

@@ -1,14 +1,16 @@
 //! A proposed loop is refined by the core's dense registration: the scan of the new keyframe against the map of the old
 //! place, first with large voxels for reach, then with small ones.
 
-use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3, Vector6};
 use sdslam_core::label_filter;
 use sdslam_core::precise_pose::dense::{self, Registration, SourcePoint};
 use sdslam_core::precise_pose::voxel_map::{self, Group, VoxelMap};
 use sdslam_core::scan_cells::ScanCells;
 use sdslam_core::{Config as CoreConfig, LabelledPoint, MapPose, Pose, SemanticClass};
 
+use super::keyframe::covariance_of;
 use crate::heap::on_heap;
+use crate::pose_graph::{Edge, EdgeKind};
 use crate::run::RunError;
 use crate::semantic_map::{RangeImage, enters};
 
@@ -25,6 +27,11 @@ const MAX_COUNT: u32 = 10;
 const SEEN_THROUGH_RANGE_M: f32 = 25.0;
 /// by this much \[m\].
 const SEEN_THROUGH_MARGIN_M: f32 = 1.0;
+
+/// The map of the old place is off by about this, which the covariance of a registration does not know: standard
+/// deviations \[m\], \[rad\] (measured along simulated drives).
+const PLACE_M: f64 = 0.008;
+const PLACE_RAD: f64 = 0.000_25;
 
 type Cells = ScanCells<32768>;
 type Voxels = VoxelMap<8192>;
@@ -64,6 +71,17 @@ pub(crate) struct Refined {
     pub moved_m: f32,
     /// All six degrees of freedom are fixed.
     pub determined: bool,
+}
+
+impl Refined {
+    /// What the graph is told: the registration's covariance, and what it does not know added.
+    pub(crate) fn edge(&self, old: usize, new: usize) -> Option<Edge> {
+        let (p, r) = (PLACE_M * PLACE_M, PLACE_RAD * PLACE_RAD);
+        let unknown = Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r));
+        let information = (covariance_of(&self.covariance) + unknown).cholesky()?.inverse();
+        let (from_from_to, kind) = (self.place_from_sensor, EdgeKind::Loop);
+        Some(Edge { from: old, to: new, from_from_to, information, kind })
+    }
 }
 
 /// The buffers of the registration.

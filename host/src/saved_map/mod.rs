@@ -49,7 +49,9 @@ impl SavedMap {
     /// grows with the area.
     pub fn new(map: StaticMap, visited: impl IntoIterator<Item = SavedPlace>) -> Self {
         let mut places: Vec<SavedPlace> = Vec::new();
-        for place in visited {
+        for mut place in visited {
+            // Poses of the core have the precision of single floats.
+            place.map_from_place.rotation.renormalize();
             let is_known = |known: &SavedPlace| {
                 let off = known.map_from_place.inv_mul(&place.map_from_place);
                 off.translation.vector.norm() < PLACE_SPACING_M && off.rotation.angle() < SAME_HEADING_RAD

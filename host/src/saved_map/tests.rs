@@ -51,6 +51,16 @@ fn places_seen_again_are_kept_once() {
 }
 
 #[test]
+fn poses_of_single_precision_are_read_back() {
+    let mut map = saved();
+    let place = &mut map.places[2];
+    place.map_from_place = place.map_from_place.cast::<f32>().cast();
+    place.map_from_place.rotation.as_mut_unchecked().coords *= 1.0 + 3e-6;
+    let map = SavedMap::new(map.map, map.places);
+    assert_eq!(SavedMap::parse(&map.to_bytes(), Path::new("a.map")).expect("our own file"), map);
+}
+
+#[test]
 fn each_fault_has_its_name() {
     let bytes = saved().to_bytes();
     assert!(matches!(refused(b"ply\nformat"), SavedMapError::Foreign { .. }));
