@@ -19,7 +19,7 @@
 //! | [`WORDS`] | 384 | 12 | triangles of farther neighbours are left out |
 //! | `PLACES` | 256, 4096 | 5156: words, keypoints, stamp, votes | the place that was added first is forgotten; `forgotten` |
 //! | `BUCKETS` | 32768, 524288 | 4 | never full: the words of a bucket are a chain |
-//! | [`CANDIDATES`] | 12 | 1164, most of it [`HYPOTHESES`] | the places with the fewest words in common are not examined |
+//! | [`CANDIDATES`] | 24 | 1164, most of it [`HYPOTHESES`] | the places with the fewest words in common are not examined |
 //! | [`HYPOTHESES`] | 96 | 12 | further transforms of the same place are not tried |
 //!
 //! A question needs 30 KiB of stack with triangles as words, 60 KiB with the paper's descriptors.
@@ -41,7 +41,7 @@ pub const KEYPOINTS: usize = 64;
 pub const WORDS: usize = 384;
 
 /// Places examined per question.
-pub const CANDIDATES: usize = 12;
+pub const CANDIDATES: usize = 24;
 
 /// Transforms proposed for a place.
 pub const HYPOTHESES: usize = 96;

@@ -87,7 +87,8 @@ pub struct Config {
     pub inlier_radius_m: f32,
     /// Keypoints that must lie on keypoints of the old place.
     pub min_inliers: u32,
-    /// Share of the keypoints that must lie on keypoints of the old place, 0..1.
+    /// Score that makes a loop, 0..1: share of the keypoints that lie on keypoints of the old place, each weighed by
+    /// 1 - (distance / inlier_radius_m)^2.
     pub min_score: f32,
     /// Another transform to the same place may lay this share of the inliers on keypoints at most, 0..1: a street whose
     /// trees stand at equal distances fits itself in many ways.
@@ -118,11 +119,11 @@ impl Config {
         max_ratio: 20.0,
         min_votes: 4,
         inlier_radius_m: 0.3,
-        min_inliers: 9,
+        min_inliers: 10,
         min_score: 0.3,
         max_runner_up: 0.75,
-        max_distance_m: 2.9,
-        max_reverse_distance_m: 9.8,
+        max_distance_m: 2.98,
+        max_reverse_distance_m: 9.9,
         min_gap_s: 30.0,
         bow3d: Bow3dConfig {
             descriptors: 5,
@@ -200,7 +201,7 @@ pub struct LoopCandidate {
     pub inliers: u32,
     /// Pairs that the best other transform to the same place lays on each other.
     pub runner_up: u32,
-    /// Inliers as a share of the keypoints that both should show, 0..1.
+    /// Inliers, each weighed by 1 - (distance / inlier radius)^2, as a share of the keypoints that both should show, 0..1.
     pub score: f32,
     /// Root mean square horizontal distance of the pairs [m].
     pub residual_m: f32,
