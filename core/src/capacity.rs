@@ -19,11 +19,11 @@
 //! | [`KEYPOINTS`] | 64 | 20 in the features, 8 in a place | the farthest are left out; `left_out` of the features |
 //! | [`WORDS`] | 384 | 12 | triangles of farther neighbours are left out |
 //! | `PLACES` | 256, 4096 | 5156: words, keypoints, stamp, votes | the place that was added first is forgotten; `forgotten` |
-//! | `BUCKETS` | 32768, 524288 | 4 | never full: the words of a bucket are a chain |
-//! | [`CANDIDATES`] | 12 | 1164, most of it [`HYPOTHESES`] | the places with the fewest words in common are not examined |
+//! | `BUCKETS` | 32768, 524288 | 8 | never full: the words of a bucket are a chain |
+//! | [`CANDIDATES`] | 24 | 1164, most of it [`HYPOTHESES`] | the places with the fewest words in common are not examined |
 //! | [`HYPOTHESES`] | 96 | 12 | further transforms of the same place are not tried |
 //!
-//! A question needs 30 KiB of stack with triangles as words, 60 KiB with the paper's descriptors.
+//! Arrays on the stack during a question: about 16 KiB with triangles as words, 32 KiB with the paper's descriptors.
 //!
 //! Not chosen by a profile: the hull pairs ([`PAIRS`]). What a profile costs to the byte, and whether a drive fits it, the
 //! desk simulator of `firmware-sim` says.
@@ -46,15 +46,15 @@ pub const KEYPOINTS: usize = 64;
 pub const WORDS: usize = 384;
 
 /// Places examined per question.
-pub const CANDIDATES: usize = 12;
+pub const CANDIDATES: usize = 24;
 
 /// Transforms proposed for a place.
 pub const HYPOTHESES: usize = 96;
 
-/// Loop detection on a host: 4096 keyframes, 8 km at one every 2 m; 22 MiB.
+/// Loop detection on a host: 4096 keyframes, 8 km at one every 2 m; 24 MiB.
 pub type HostLoopDetector = LoopDetector<4096, 524_288>;
 
-/// Loop detection on the vehicle: the last 256 keyframes, half a kilometre at one every 2 m; 1.4 MiB.
+/// Loop detection on the vehicle: the last 256 keyframes, half a kilometre at one every 2 m; 1.6 MiB.
 pub type VehicleLoopDetector = LoopDetector<256, 32_768>;
 
 /// Keypoints from full scans: 0.2 MiB.

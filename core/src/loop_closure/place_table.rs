@@ -59,6 +59,7 @@ impl Place {
 /// words or more.
 pub struct PlaceTable<const PLACES: usize, const BUCKETS: usize> {
     first: [u32; BUCKETS],
+    lengths: [u32; BUCKETS],
     entries: [[Entry; WORDS]; PLACES],
     places: Vec<Place, PLACES>,
     /// Where the next place goes when all are taken: the oldest.
@@ -78,6 +79,7 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
         let entry = Entry { word: 0, next: NONE, corners: [0; 3] };
         Self {
             first: [NONE; BUCKETS],
+            lengths: [0; BUCKETS],
             entries: [[entry; WORDS]; PLACES],
             places: Vec::new(),
             oldest: 0,
@@ -90,6 +92,7 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.first.fill(NONE);
+        self.lengths.fill(0);
         self.places.clear();
         (self.oldest, self.words, self.used_buckets, self.forgotten) = (0, 0, 0, 0);
     }
@@ -128,8 +131,10 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
             let _ = self.places.push(place);
         }
         for (k, (word, corners)) in words.iter().take(WORDS).enumerate() {
-            let first = &mut self.first[Self::bucket(*word)];
+            let bucket = Self::bucket(*word);
+            let first = &mut self.first[bucket];
             self.used_buckets += u32::from(*first == NONE);
+            self.lengths[bucket] += 1;
             self.entries[at][k] = Entry { word: *word, next: *first, corners: *corners };
             *first = (at * WORDS + k) as u32;
             self.words += 1;
@@ -152,6 +157,7 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
         let entry = self.entries[place][word];
         let index = (place * WORDS + word) as u32;
         let bucket = Self::bucket(entry.word);
+        self.lengths[bucket] -= 1;
         let mut at = self.first[bucket];
         if at == index {
             self.first[bucket] = entry.next;
@@ -176,14 +182,7 @@ impl<const PLACES: usize, const BUCKETS: usize> PlaceTable<PLACES, BUCKETS> {
     /// The word's bucket holds at most `limit` entries (BoW3D's ratio test).
     #[inline]
     pub fn is_rare(&self, word: u32, limit: u32) -> bool {
-        let mut at = self.first[Self::bucket(word)];
-        for _ in 0..=limit {
-            if at == NONE {
-                return true;
-            }
-            at = self.entries[at as usize / WORDS][at as usize % WORDS].next;
-        }
-        false
+        self.lengths[Self::bucket(word)] <= limit
     }
 
     /// Calls `visit` with the place's index and the corners of every entry of a word.

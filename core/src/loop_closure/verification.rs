@@ -25,7 +25,7 @@ const ROUNDS: usize = 3;
 const MAX_HEIGHT_DIFFERENCE_M: f32 = 1.5;
 
 /// Height [m] of the second point that every upright thing has for the closed form.
-const UPRIGHT_M: f32 = 3.0;
+const UPRIGHT_M: f32 = 1.5;
 
 /// A verified transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,8 @@ pub struct Verified {
     pub inliers: u32,
     /// Inliers of the best other transform.
     pub runner_up: u32,
-    /// Inliers as a share of the keypoints that both views should show, 0..1.
+    /// Inliers, each weighed by how close its two keypoints are, as a share of the keypoints that both views should
+    /// show, 0..1.
     pub score: f32,
     /// Root mean square horizontal distance of the pairs [m].
     pub residual_m: f32,
@@ -124,11 +125,11 @@ fn refine(config: &Config, new: &Features, old: &Place, start: &PlanarPose) -> O
         crate::pose::from_roll_pitch_yaw(0.0, 0.0, start.yaw),
     );
     let mut pairs = Pairs::new();
-    let mut share = 0.0;
+    let mut expected = 0.0;
     for round in 0..=ROUNDS {
         // The first pairs are those of a rough transform.
         let radius_m = if round == 0 { 2.0 } else { 1.0 } * config.inlier_radius_m;
-        share = pair(config, radius_m, new, old, &pose, &mut pairs);
+        expected = pair(config, radius_m, new, old, &pose, &mut pairs);
         if pairs.len() < 3 {
             return None;
         }
@@ -138,7 +139,11 @@ fn refine(config: &Config, new: &Features, old: &Place, start: &PlanarPose) -> O
     }
     let squares: f32 = pairs.iter().map(|(n, o)| horizontal2(&pose, n, o)).sum();
     let residual_m = math::sqrt(squares / pairs.len() as f32);
-    Some(Verified { old_from_new: pose, inliers: pairs.len() as u32, runner_up: 0, score: share, residual_m })
+    // Pairs by chance are spread all over the radius, true ones lie near its centre.
+    let radius_m = config.inlier_radius_m;
+    let closeness = (pairs.len() as f32 - squares / (radius_m * radius_m)).max(0.0);
+    let score = closeness / expected;
+    Some(Verified { old_from_new: pose, inliers: pairs.len() as u32, runner_up: 0, score, residual_m })
 }
 
 fn horizontal2(pose: &Pose, new: &[f32; 3], old: &[f32; 3]) -> f32 {
@@ -146,7 +151,7 @@ fn horizontal2(pose: &Pose, new: &[f32; 3], old: &[f32; 3]) -> f32 {
     (p.x - old[0]) * (p.x - old[0]) + (p.y - old[1]) * (p.y - old[1])
 }
 
-/// One-to-one pairs of equal class within the inlier radius; gives their share of what both views should show.
+/// One-to-one pairs of equal class within `radius_m`; gives the number that both views should show, at least 1.
 fn pair(config: &Config, radius_m: f32, new: &Features, old: &Place, pose: &Pose, pairs: &mut Pairs) -> f32 {
     pairs.clear();
     let mut taken = [false; KEYPOINTS];
@@ -175,7 +180,7 @@ fn pair(config: &Config, radius_m: f32, new: &Features, old: &Place, pose: &Pose
         p.x * p.x + p.y * p.y <= reach2
     };
     let expected_old = old.keypoints().filter(|(q, _)| seen(q)).count() as u32;
-    2.0 * pairs.len() as f32 / (expected_new + expected_old).max(1) as f32
+    0.5 * (expected_new + expected_old).max(2) as f32
 }
 
 /// Closed-form rigid transform of the pairs (BoW3D's eq. 5 to 7), with the determinant guard.
