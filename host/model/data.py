@@ -42,50 +42,58 @@ def scans(folders, every=1):
 
 
 def read(pair):
-    """Points [N, 4] (x, y, z in metres, remission) and classes [N]."""
-    points = np.fromfile(pair[0], np.float32).reshape(-1, 4)
+    """Points [4, N] (x, y, z in metres, remission) and classes [N]."""
+    points = np.ascontiguousarray(np.fromfile(pair[0], np.float32).reshape(-1, 4).T)
     labels = CLASS_OF_RAW[np.fromfile(pair[1], np.uint32) & 0xFFFF]
-    assert len(points) == len(labels), f"{pair[1]}: {len(labels)} labels for {len(points)} points"
+    assert points.shape[1] == len(labels), f"{pair[1]}: {len(labels)} labels for {points.shape[1]} points"
     return points, labels
 
 
 def pixels(points, height, width):
     """Range, row and column of each point."""
-    ranges = np.linalg.norm(points[:, :3], axis=1)
-    yaw = np.arctan2(points[:, 1], points[:, 0])
-    pitch = np.arcsin(np.clip(points[:, 2] / np.maximum(ranges, 1e-6), -1, 1))
-    column = np.floor(0.5 * (1 - yaw / np.pi) * width).astype(np.int64).clip(0, width - 1)
+    x, y, z = points[:3]
+    ranges = np.sqrt(x * x + y * y + z * z)
+    pitch = np.arcsin(np.clip(z / np.maximum(ranges, 1e-6), -1, 1))
+    column = np.floor(0.5 * (1 - np.arctan2(y, x) / np.pi) * width).astype(np.int32).clip(0, width - 1)
     share = (np.degrees(pitch) - FOV_DOWN_DEG) / (FOV_UP_DEG - FOV_DOWN_DEG)
-    row = np.floor((1 - share) * height).astype(np.int64).clip(0, height - 1)
+    row = np.floor((1 - share) * height).astype(np.int32).clip(0, height - 1)
     return ranges, row, column
 
 
 def project(points, labels, height, width):
     """Normalised image [5, H, W] and classes [H, W] (0 where empty); the nearest point wins a pixel."""
     ranges, row, column = pixels(points, height, width)
-    order = np.argsort(-ranges, kind="stable")
+    # Steps of 4 mm sort five times faster than floats.
+    order = np.argsort(-np.minimum(ranges * 250, 32767).astype(np.int16), kind="stable")
     cell = (row * width + column)[order]
-    channels = np.column_stack([ranges, points[:, :4]])[order]
-    image = np.zeros((height * width, 5), np.float32)
+    image = np.zeros((5, height * width), np.float32)
+    for channel, values in enumerate([ranges, *points]):
+        image[channel, cell] = ((values - MEANS[channel]) / DEVIATIONS[channel])[order]
     classes = np.zeros(height * width, np.uint8)
-    image[cell] = (channels - MEANS) / DEVIATIONS
     classes[cell] = labels[order]
-    return image.T.reshape(5, height, width), classes.reshape(height, width)
+    return image.reshape(5, height, width), classes.reshape(height, width)
 
 
 def augment(points, labels, random):
     """What differs between sensors, mounts and places, as far as it can be changed afterwards."""
-    keep = random.random(len(points), np.float32) > random.choice([0, 0, 0.01, 0.05, 0.2])
-    points, labels = drop_rows(points[keep], labels[keep], random)
-    xyz = points[:, :3] @ rotation(random).T
+    elevation_deg = np.degrees(np.arctan(points[2] / np.hypot(points[0], points[1])))
+    laser = (elevation_deg * np.float32(2.3) + 256).astype(np.int32) % 512
+    keep = random.random(len(labels), np.float32) > random.choice([0, 0, 0.01, 0.05, 0.2])
+    if random.random() < 0.2:
+        # Some lasers are blind.
+        keep &= (random.random(512) > random.uniform(0, 0.2))[laser]
+    keep = np.flatnonzero(keep)
+    points, labels, laser = points[:, keep], labels[keep], laser[keep]
+    moved = np.empty_like(points)
+    moved[:3] = np.einsum("ij,jn->in", rotation(random), points[:3])
     if random.random() < 0.5:
-        xyz[:, 1] *= -1
-    xyz[:, 2] += random.normal(0, 0.06)
+        moved[1] *= -1
+    moved[2] += random.normal(0, 0.06)
     noise = np.float32(random.choice([0, 0.01, 0.02, 0.04]))
-    ranges = np.sqrt((xyz * xyz).sum(1))
-    xyz *= (1 + noise * random.standard_normal(len(xyz), np.float32) / np.maximum(ranges, 1))[:, None]
-    remission = augment_remission(points[:, 3], elevations_deg(points), random)
-    return np.column_stack([xyz, remission]), labels
+    ranges = np.sqrt((moved[:3] ** 2).sum(0))
+    moved[:3] *= 1 + noise * random.standard_normal(len(labels), np.float32) / np.maximum(ranges, 1)
+    moved[3] = augment_remission(points[3], laser, random)
+    return moved, labels
 
 
 def rotation(random):
@@ -97,31 +105,13 @@ def rotation(random):
     return (random.uniform(0.92, 1.08) * tilt @ turn).astype(np.float32)
 
 
-def elevations_deg(points):
-    return np.degrees(np.arctan(points[:, 2] / np.sqrt(points[:, 0] ** 2 + points[:, 1] ** 2)))
-
-
-def augment_remission(remission, elevation_deg, random):
+def augment_remission(remission, laser, random):
     """Other gains, of each laser too; more noise; more echoes without a remission, or all of them."""
     if random.random() < 0.1:
-        return np.zeros_like(remission)
+        return 0
     gains = np.exp(random.normal(0, random.uniform(0, 0.3), 512)).astype(np.float32)
     gains *= random.uniform(0.6, 1.5)
     noise = np.float32(random.uniform(0, 0.06)) * random.standard_normal(len(remission), np.float32)
-    seen = remission ** np.float32(random.uniform(0.8, 1.25)) * gains[laser(elevation_deg)] + noise
+    seen = remission ** np.float32(random.uniform(0.8, 1.25)) * gains[laser] + noise
     lost = random.random(len(remission), np.float32) < random.choice([0, 0.05, 0.15])
     return np.where((remission > 0) & ~lost, seen.clip(0, 1), 0)
-
-
-def laser(elevation_deg):
-    """A number that the points of one laser share, more or less."""
-    return (elevation_deg * np.float32(2.3) + 256).astype(np.int64) % 512
-
-
-def drop_rows(points, labels, random):
-    """Sometimes some lasers are blind."""
-    if random.random() < 0.8:
-        return points, labels
-    blind = random.random(512) < random.uniform(0, 0.2)
-    keep = ~blind[laser(elevations_deg(points))]
-    return points[keep], labels[keep]

@@ -55,7 +55,7 @@ def vote(image_ranges, image_classes, ranges, row, column, k=5, window=5, sigma=
 
 def predict(run, points, height, width):
     """Class of each point."""
-    image, _ = project(points, np.zeros(len(points), np.uint8), height, width)
+    image, _ = project(points, np.zeros(points.shape[1], np.uint8), height, width)
     logits = run(np.ascontiguousarray(image))
     logits[0] = -np.inf
     ranges, row, column = pixels(points, height, width)

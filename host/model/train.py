@@ -16,14 +16,11 @@ from net import Net
 
 def sector(points, labels, share, random):
     """The points in a random share of the turn, turned to the middle of the image."""
-    yaw = np.arctan2(points[:, 1], points[:, 0])
     middle = random.uniform(-np.pi, np.pi)
-    off = (yaw - middle + np.pi) % (2 * np.pi) - np.pi
-    keep = np.abs(off) < np.pi * share
-    points, labels = points[keep].copy(), labels[keep]
-    c, s = np.cos(-middle), np.sin(-middle)
-    points[:, :2] = points[:, :2] @ np.array([[c, -s], [s, c]], np.float32).T
-    return points, labels
+    c, s = np.float32(np.cos(middle)), np.float32(np.sin(middle))
+    x, y = c * points[0] + s * points[1], c * points[1] - s * points[0]
+    keep = np.flatnonzero(np.abs(np.arctan2(y, x)) < np.pi * share)
+    return np.stack([x[keep], y[keep], points[2, keep], points[3, keep]]), labels[keep]
 
 
 class Sectors(torch.utils.data.IterableDataset):
