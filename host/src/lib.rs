@@ -5,4 +5,5 @@ pub mod config;
 pub mod dataset;
 pub mod evaluate;
 pub mod run;
+pub mod segmentation;
 pub mod simulate;

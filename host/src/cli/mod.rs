@@ -7,6 +7,7 @@ mod evaluate;
 mod frames;
 mod progress;
 mod run;
+mod segment;
 mod simulate;
 
 use std::io::{self, Write};
@@ -21,11 +22,11 @@ Exit codes: 0 done; 1 the program failed; 2 the command line is wrong; 3 the inp
 
 Try it with nothing but this program:  sdslam demo";
 
-/// SD-SLAM: semantic LiDAR SLAM for dynamic scenes. Labelled LiDAR scans in; trajectory, what moves, and a static
-/// semantic map out.
+/// SD-SLAM: semantic LiDAR SLAM for dynamic scenes. LiDAR scans in; trajectory, what moves, and a static semantic map out.
 ///
-/// Drives are in KITTI odometry layout with SemanticKITTI labels: the folders velodyne and labels and the files calib.txt
-/// and times.txt in DATASET/sequences/NN and, for ground truth, DATASET/poses/NN.txt.
+/// Drives are in KITTI odometry layout: the folder velodyne and the files calib.txt and times.txt in DATASET/sequences/NN
+/// and, for ground truth, DATASET/poses/NN.txt. SemanticKITTI labels in the folder labels are used where they are there;
+/// else a network segments the scans.
 #[derive(Debug, Parser)]
 #[command(name = "sdslam", version, after_help = AFTER_HELP)]
 pub struct Cli {
@@ -36,6 +37,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::Args),
+    Segment(segment::Args),
     Evaluate(evaluate::Args),
     Simulate(simulate::Args),
     Demo(demo::Args),
@@ -57,6 +59,7 @@ impl Cli {
     pub fn execute(self) -> Result<(), CliError> {
         match self.command {
             Command::Run(args) => args.execute(),
+            Command::Segment(args) => args.execute(),
             Command::Evaluate(args) => args.execute(),
             Command::Simulate(args) => args.execute(),
             Command::Demo(args) => args.execute(),

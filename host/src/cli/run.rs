@@ -4,15 +4,20 @@ use std::path::PathBuf;
 
 use super::frames::FrameRange;
 use super::progress::Progress;
+use super::segment::{NetworkArgs, ThreadArgs};
 use super::{CliError, print};
 use crate::config::{HostConfig, Preset};
-use crate::run::{self, Request, Summary};
+use crate::run::{self, ClassSource, Request, Summary};
 
 /// Run the SLAM on a drive.
 ///
 /// Reads DATASET/sequences/NN and writes to OUT/NN: poses_kitti.txt (camera frame), poses_tum.txt (sensor frame),
 /// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
 /// of the results is printed at the end.
+///
+/// Every point needs a class. It comes from label files with --labels; from a network with --model or --segment; else from
+/// the folder labels of the sequence, or, where there is none, from the network that is part of this program. The table
+/// and run.log say which.
 ///
 /// A scan that is missing or broken in the middle of a drive does not stop the run: its pose is predicted, and run.log
 /// names it.
@@ -27,8 +32,13 @@ pub(super) struct Args {
     #[arg(long, value_name = "NN")]
     sequence: String,
     /// Folder of the label files within the sequence.
-    #[arg(long, value_name = "FOLDER", default_value = "labels")]
-    labels: String,
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["model", "segment"])]
+    labels: Option<String>,
+    #[command(flatten)]
+    network: NetworkArgs,
+    /// Segment the scans even where there are labels.
+    #[arg(long)]
+    segment: bool,
     /// Where the results go: into the folder OUT/NN.
     #[arg(long, value_name = "OUT")]
     out: PathBuf,
@@ -40,10 +50,8 @@ pub(super) struct Args {
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
-    /// Threads: 1 does one thing after the other; with 2 or more the next scan is read and the map grows while the core
-    /// works. The results are the same.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
-    threads: u16,
+    #[command(flatten)]
+    threads: ThreadArgs,
 }
 
 /// How to run.
@@ -87,16 +95,29 @@ impl Args {
         print(summary.to_string())
     }
 
+    fn classes(&self) -> Result<ClassSource, CliError> {
+        let model = self.network.model.as_deref();
+        let labels = self.labels.as_deref().unwrap_or("labels");
+        let there = self.dataset.join("sequences").join(&self.sequence).join("labels").is_dir();
+        let from_labels = self.labels.is_some() || (model.is_none() && !self.segment && there);
+        Ok(if from_labels {
+            ClassSource::Labels(labels.into())
+        } else {
+            ClassSource::Network(NetworkArgs::load(model)?)
+        })
+    }
+
     fn request(self) -> Result<Request, CliError> {
         let frames = self.frames.unwrap_or(FrameRange { first: 0, end: None });
+        let classes = self.classes()?;
         Ok(Request {
             config: self.options.config()?,
             dataset: self.dataset,
             sequence: self.sequence,
-            labels: Some(self.labels),
+            classes,
             first_frame: frames.first,
             end_frame: frames.end,
-            threads: self.threads.into(),
+            threads: self.threads.count(),
             overwrite: self.overwrite,
             out: self.out,
         })
