@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn what_is_above_or_below_the_view_goes_to_the_edge_and_is_not_counted() {
-        let points = [[1.0, 0.0, 5.0, 0.0], [1.0, 0.0, -5.0, 0.0], [5.0, 0.0, 0.0, 0.0]];
+        let points = [[1.0, 0.0, 5.0, 0.0], [1.0, 0.0, -5.0, 0.0], [5.0, 0.0, -0.5, 0.0]];
         let image = RangeImage::project(SMALL, &points);
         assert_eq!(image.pixel, [4, 3 * 8 + 4, 8 + 4]);
         assert_eq!(image.in_view, 1);
