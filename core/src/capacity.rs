@@ -9,8 +9,10 @@
 //! | `TRACKS` | 256 | 808 | a landmark without a track stays undecided; `tracks_refused` |
 //! | `VOXEL_SETS` | 8192 | 8 x 80 | the voxel of the set seen longest ago is replaced; `voxels_evicted` |
 //! | `MAP_LANDMARKS` | 512 | 968 | the landmark seen longest ago is dropped; `submap_landmarks_evicted` |
+//! | `RANGE_COLUMNS` | 720 | 11 x 64 | never: fewer columns make coarser range images of the last second |
 //!
-//! Not chosen by a profile: the range images of the last second (11 x 45 KiB) and the hull pairs ([`PAIRS`]).
+//! Not chosen by a profile: the hull pairs ([`PAIRS`]). What a profile costs to the byte, and whether a drive fits it, the
+//! desk simulator of `firmware-sim` says.
 //!
 //! The points of a scan (16 bytes each) are the caller's.
 
@@ -18,6 +20,9 @@ use crate::odometry::Odometry;
 
 /// Landmark pairs whose hulls are registered, nearest first: 48 x 560 B.
 pub const PAIRS: usize = 48;
+
+/// Columns of a range image, half a degree each: what an [`Odometry`] has unless its profile says otherwise.
+pub const RANGE_COLUMNS: usize = 720;
 
 /// Profile for full scans of a 64-beam LiDAR, 10 times a second.
 pub type FullScanOdometry = Odometry<32768, 2048, 384, 256, 8192, 512>;
@@ -30,3 +35,15 @@ pub const FULL_SCAN_BYTES: usize = core::mem::size_of::<FullScanOdometry>()
     + FULL_SCAN_POINTS * core::mem::size_of::<crate::scan::LabelledPoint>();
 
 const _: () = assert!(FULL_SCAN_BYTES <= 16 << 20, "the full-scan profile must fit 16 MiB");
+
+/// Profile for small scans and a small memory, for [`crate::Config::paper`]: landmarks only, no voxels.
+pub type LandmarkOdometry = Odometry<2048, 256, 96, 32, 1, 96, 360>;
+
+/// Points of a small scan: 8192 x 16 B = 128 KiB.
+pub const LANDMARK_POINTS: usize = 8192;
+
+/// Memory of the landmark profile, the caller's points included.
+pub const LANDMARK_BYTES: usize = core::mem::size_of::<LandmarkOdometry>()
+    + LANDMARK_POINTS * core::mem::size_of::<crate::scan::LabelledPoint>();
+
+const _: () = assert!(LANDMARK_BYTES <= 1 << 20, "the landmark profile must fit 1 MiB");

@@ -7,6 +7,7 @@ use crate::pose::{self, MapPose, Pose, compose};
 
 /// Where the vehicle is and how it moved. The local frame is the map frame moved to the anchor.
 #[derive(Clone, Copy, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct EgoMotion {
     pub local_from_sensor: Pose,
     /// Motion of the last frame, and the time it took [s].

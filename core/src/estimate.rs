@@ -7,6 +7,7 @@ use crate::scan::SemanticClass;
 
 /// The answer to one scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FrameEstimate {
     /// Number of the frame since the start or the last reset, from 0.
     pub frame: u32,
@@ -25,6 +26,7 @@ pub struct FrameEstimate {
 /// How a pose came about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FrameStatus {
     /// The first frame: the origin of the map.
     First,
@@ -37,6 +39,7 @@ pub enum FrameStatus {
 /// Why a frame could not be registered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Fallback {
     /// The scan holds no usable point.
     EmptyScan,
@@ -63,6 +66,7 @@ impl Fallback {
 /// Counts of the label filter (section 3.1.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PointCounts {
     /// Points handed in.
     pub received: u32,
@@ -87,6 +91,7 @@ pub struct PointCounts {
 /// Which landmarks the preliminary pose used (section 3.2, second paragraph).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LandmarkInput {
     /// No landmark pair was found; the prediction stands.
     #[default]
@@ -100,6 +105,7 @@ pub enum LandmarkInput {
 /// Evidence of a registration by convex hulls (sections 3.2 and 3.4.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HullEvidence {
     /// Which landmarks were used.
     pub input: LandmarkInput,
@@ -116,6 +122,7 @@ pub struct HullEvidence {
 /// Evidence of the dense registration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DenseEvidence {
     /// Points offered.
     pub source_points: u32,
@@ -138,6 +145,7 @@ pub struct DenseEvidence {
 /// Evidence of the vertical pose (section 3.4.2).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct GroundEvidence {
     /// Ground points in front of the vehicle in the plane fit.
     pub front: u32,
@@ -150,6 +158,7 @@ pub struct GroundEvidence {
 /// Landmarks and tracks of the frame (section 3.3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotionEvidence {
     /// Living tracks.
     pub tracks: u32,
@@ -164,6 +173,7 @@ pub struct MotionEvidence {
 /// How full the buffers are, and what did not fit. Capacities are in [`crate::capacity`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BufferUse {
     /// Scan cells in use (one cell holds the points of one class in one voxel).
     pub cells: u32,
@@ -190,6 +200,7 @@ pub struct BufferUse {
 /// Everything a plot or a gate may want to know.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Evidence {
     /// Label filter.
     pub points: PointCounts,
@@ -211,6 +222,7 @@ pub struct Evidence {
 
 /// A track as the caller sees it (section 3.3).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct TrackReport {
     /// Identity, never reused.
     pub id: u32,

@@ -9,6 +9,8 @@ pub mod estimate;
 pub mod odometry;
 pub mod pose;
 pub mod scan;
+#[cfg(feature = "snapshot")]
+pub mod snapshot;
 
 // The stages, in the paper's order
 pub mod label_filter;

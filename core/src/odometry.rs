@@ -1,5 +1,8 @@
 //! The story of one frame, in the paper's order. Only this file knows the order of the stages.
 
+#[cfg(feature = "snapshot")]
+mod snapshot;
+
 use heapless::Vec;
 use nalgebra::{Matrix6, Point3, Translation3, Vector3};
 
@@ -20,6 +23,7 @@ use crate::motion_state::{
 };
 use crate::pose::{self, PlanarPose, Pose, compose};
 use crate::precise_pose::dense::{self, SourcePoint};
+use crate::precise_pose::elevation::Calibration;
 use crate::precise_pose::landmark_map::{self, MapLandmark};
 use crate::precise_pose::vertical;
 use crate::precise_pose::voxel_map::{Group, VoxelMap};
@@ -53,6 +57,7 @@ pub struct Odometry<
     const TRACKS: usize,
     const VOXEL_SETS: usize,
     const MAP_LANDMARKS: usize,
+    const RANGE_COLUMNS: usize = { crate::capacity::RANGE_COLUMNS },
 > {
     config: Config,
     frame: u32,
@@ -68,8 +73,9 @@ pub struct Odometry<
     candidates: Vec<Candidate, LANDMARKS>,
     pairs: Vec<HullPair, PAIRS>,
     tracks: Vec<Track, TRACKS>,
-    visibility: Visibility,
+    visibility: Visibility<RANGE_COLUMNS>,
     source: Vec<SourcePoint, CELLS>,
+    calibration: Calibration,
     voxels: VoxelMap<VOXEL_SETS>,
     map_landmarks: Vec<MapLandmark, MAP_LANDMARKS>,
 }
@@ -81,7 +87,8 @@ impl<
     const TRACKS: usize,
     const VOXEL_SETS: usize,
     const MAP_LANDMARKS: usize,
-> Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS>
+    const RANGE_COLUMNS: usize,
+> Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS, RANGE_COLUMNS>
 {
     /// An odometry at the origin of its map.
     pub const fn new(config: Config) -> Result<Self, ParameterError> {
@@ -105,9 +112,22 @@ impl<
             tracks: Vec::new(),
             visibility: Visibility::new(),
             source: Vec::new(),
+            calibration: Calibration::new(),
             voxels: VoxelMap::new(),
             map_landmarks: Vec::new(),
         })
+    }
+
+    /// Back to the origin with another configuration, everything forgotten: as [`Self::new`], but in place, whatever
+    /// was there before.
+    ///
+    /// # Errors
+    /// A parameter that is out of range; nothing has changed then.
+    pub fn restart(&mut self, config: Config) -> Result<(), ParameterError> {
+        config.check()?;
+        self.config = config;
+        self.reset();
+        Ok(())
     }
 
     /// Back to the origin, everything forgotten but the configuration.
@@ -118,6 +138,7 @@ impl<
         self.previous_landmarks.clear();
         self.tracks.clear();
         self.visibility.clear();
+        self.calibration.clear();
         self.voxels.clear();
         self.map_landmarks.clear();
     }
@@ -142,7 +163,8 @@ impl<
         let predicted = self.motion.predict(period_s);
 
         // 3.1.2: what each point is
-        evidence.points = label_filter::filter(&self.config.label_filter, scan.points, &mut self.cells);
+        evidence.points =
+            label_filter::filter(&self.config.label_filter, &self.calibration, scan.points, &mut self.cells);
         observer.finished(Stage::LabelFilter);
 
         // 3.1.2: instances
@@ -432,12 +454,16 @@ impl<
         let config = &self.config.precise_pose;
         let (pose, path_m) = (self.motion.local_from_sensor, self.motion.path_m);
         if config.dense.enabled {
+            let heights = dense::ground_heights(&config.voxels, &self.voxels, path_m, &self.source, &pose);
+            self.calibration.learn(&config.elevation, heights);
             let rotation = *pose.rotation.to_rotation_matrix().matrix();
             for cell in self.cells.cells() {
                 let Some(group) = group_of(cell, &self.landmarks) else { continue };
-                let mean = (pose * Point3::from(cell.mean())).coords;
+                let seen = cell.mean();
+                let mean = (pose * Point3::from(seen)).coords;
                 let covariance = rotation * cell.covariance() * rotation.transpose();
-                self.voxels.merge(&config.voxels, group, path_m, &mean, &covariance, cell.count() as f32);
+                let weight = cell.count() as f32 * config.voxels.point_weight(group, seen.norm_squared());
+                self.voxels.merge(&config.voxels, group, path_m, &mean, &covariance, weight);
             }
         }
         if config.horizontal {

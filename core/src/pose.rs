@@ -21,6 +21,7 @@ pub const IDENTITY: Pose = Pose {
 /// Planar motion (section 3.2): translation [m] in x and y, rotation [rad] about z.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlanarPose {
     /// Translation along x [m].
     pub x: f32,

@@ -17,6 +17,7 @@ pub enum MotionClass {
 /// Semantic class of a point: the SemanticKITTI classes without their moving variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(u8)]
 #[allow(missing_docs, reason = "the names are the data set's own")]
 pub enum SemanticClass {

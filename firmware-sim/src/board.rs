@@ -2,12 +2,17 @@
 
 use core::fmt;
 
-use sdslam_core::{FrameEstimate, LabelledPoint, OdometryError};
+use sdslam_core::{LabelledPoint, OdometryError, Stage};
+
+use crate::wire::Answer;
 
 /// A scan that a board has delivered.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct ScanHeader {
-    /// Time of the scan \[s\], on a clock that does not go back.
+    /// Counts the scans of the sender, from any number on; the loop reports what is missing.
+    pub sequence: u32,
+    /// Time of the scan \[s\], on the sensor's clock.
     pub stamp_s: f64,
     /// Points of the scan. When there are more than the buffer holds, it holds the first ones and the others are lost.
     pub points: usize,
@@ -20,19 +25,35 @@ pub trait Board {
     /// Why the board cannot go on.
     type Error;
 
+    /// Time from a scan to its answer \[us\] above which [`Fault::Late`] is reported: by then the next scan is there.
+    const DEADLINE_US: u64 = 100_000;
+
     /// Waits for the next scan and writes its points to the beginning of `points`. `None` ends the loop; a board in a
     /// vehicle never says so.
     fn next_scan(&mut self, points: &mut [LabelledPoint]) -> Result<Option<ScanHeader>, Self::Error>;
 
-    /// Hands on the estimate of the last scan. Called once for every scan that is not refused.
-    fn publish(&mut self, estimate: &FrameEstimate) -> Result<(), Self::Error>;
+    /// The board's own clock \[us\], which never goes back and is never set. Tells a gap between scans from a sensor's clock
+    /// that was set.
+    fn now_us(&mut self) -> u64;
+
+    /// Hands on the answer to the last scan. Called once for every scan that is not refused.
+    fn publish(&mut self, answer: Answer<'_>) -> Result<(), Self::Error>;
+
+    /// The loop is alive: called once a scan, when it is answered or refused. For the watchdog.
+    fn alive(&mut self);
 
     /// Is told what was wrong with the last scan; the loop goes on.
     fn fault(&mut self, fault: Fault);
+
+    /// A stage of the odometry is done. For measuring.
+    fn stage_finished(&mut self, stage: Stage) {
+        let _ = stage;
+    }
 }
 
 /// What can be wrong with a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Fault {
     /// The odometry refused the scan: there is no estimate for it, and the next scan is treated as if it had not been.
     Refused(OdometryError),
@@ -43,6 +64,21 @@ pub enum Fault {
         /// Points that the buffer holds.
         capacity: usize,
     },
+    /// Scans between the last one and this one never came.
+    Missed {
+        /// How many.
+        scans: u32,
+    },
+    /// The sensor's clock was set: the loop goes by the board's clock for this step.
+    ClockSet {
+        /// How far it went, compared with the board's clock \[s\].
+        by_s: f64,
+    },
+    /// The answer came later than [`Board::DEADLINE_US`].
+    Late {
+        /// Time from the scan to its answer \[us\].
+        took_us: u64,
+    },
 }
 
 impl fmt::Display for Fault {
@@ -52,6 +88,9 @@ impl fmt::Display for Fault {
             Self::PointsLost { received, capacity } => {
                 write!(f, "scan of {received} points cut to the {capacity} that the buffer holds")
             }
+            Self::Missed { scans } => write!(f, "{scans} scans before this one never came"),
+            Self::ClockSet { by_s } => write!(f, "the sensor's clock was set by {by_s:.3} s"),
+            Self::Late { took_us } => write!(f, "answered after {took_us} us, past the deadline"),
         }
     }
 }

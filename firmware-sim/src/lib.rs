@@ -1,10 +1,11 @@
 //! SD-SLAM's on-vehicle loop: fetch a labelled scan, find the pose, publish it.
 //!
 //! The library is what runs in the vehicle: no standard library, no allocation, no panic, memory that the caller
-//! provides. The program of this crate runs the same loop on a desk, on a recorded or simulated drive:
+//! provides. The program of this crate runs the same loop on a desk: on the recording that comes with it, on one made by
+//! `sdslam run --record FILE`, or on a drive; `firmware-sim/board/` runs it on emulated ECUs.
 //!
 //! ```sh
-//! cargo run --release -p sdslam-firmware-sim -- DATASET SEQUENCE
+//! cargo run --release -p sdslam-firmware-sim -- --help
 //! ```
 //!
 //! # Porting to a board
@@ -12,7 +13,8 @@
 //! Implement [`Board`], provide the memory of an odometry and of the points of a scan, call [`run`]:
 //!
 //! ```
-//! use sdslam_core::{Config, FrameEstimate, LabelledPoint, Odometry, SemanticClass};
+//! use sdslam_core::{Config, LabelledPoint, Odometry, SemanticClass};
+//! use sdslam_firmware_sim::wire::Answer;
 //! use sdslam_firmware_sim::{Board, Fault, ScanHeader, Totals, run};
 //!
 //! struct OneScan(bool);
@@ -25,13 +27,19 @@
 //!             return Ok(None);
 //!         }
 //!         points[0] = LabelledPoint::new([5.0, 0.0, -1.7], SemanticClass::Road);
-//!         Ok(Some(ScanHeader { stamp_s: 0.0, points: 1 }))
+//!         Ok(Some(ScanHeader { sequence: 0, stamp_s: 0.0, points: 1 }))
 //!     }
 //!
-//!     fn publish(&mut self, estimate: &FrameEstimate) -> Result<(), Self::Error> {
-//!         println!("{}", estimate.map_from_sensor);
+//!     fn now_us(&mut self) -> u64 {
+//!         0 // a timer of the board
+//!     }
+//!
+//!     fn publish(&mut self, answer: Answer<'_>) -> Result<(), Self::Error> {
+//!         println!("{}", answer.estimate.map_from_sensor);
 //!         Ok(())
 //!     }
+//!
+//!     fn alive(&mut self) {} // feed the watchdog
 //!
 //!     fn fault(&mut self, fault: Fault) {
 //!         eprintln!("{fault}");
@@ -42,15 +50,19 @@
 //! let mut odometry = Box::new(Odometry::<1024, 128, 32, 16, 256, 32>::new(Config::accurate())?);
 //! let mut points = [LabelledPoint::new([0.0; 3], SemanticClass::Unlabelled); 1024];
 //! let mut totals = Totals::default();
-//! run(&mut OneScan(false), &mut odometry, &mut points, &mut totals)?;
+//! run(&mut OneScan(false), &mut *odometry, &mut points, &mut totals)?;
 //! assert_eq!(totals.estimates, 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 #![no_std]
 
 mod board;
+mod clock;
 pub mod memory;
+pub mod profile;
 mod vehicle;
+pub mod wire;
 
 pub use board::{Board, Fault, ScanHeader};
+pub use clock::SensorClock;
 pub use vehicle::{HighWater, Totals, run};

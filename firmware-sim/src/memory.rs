@@ -32,9 +32,8 @@ pub const fn parts<
     const TRACKS: usize,
     const VOXEL_SETS: usize,
     const MAP_LANDMARKS: usize,
->(
-    odometry: &Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS>,
-) -> [Part; 11] {
+    const RANGE_COLUMNS: usize,
+>() -> [Part; 11] {
     let mut parts = [
         Part { name: "scan cells", capacity: CELLS, bytes: size_of::<ScanCells<CELLS>>() },
         Part { name: "registered points", capacity: CELLS, bytes: CELLS * size_of::<SourcePoint>() },
@@ -43,14 +42,20 @@ pub const fn parts<
         Part { name: "landmark pairs", capacity: LANDMARKS, bytes: LANDMARKS * size_of::<Candidate>() },
         Part { name: "hull pairs", capacity: PAIRS, bytes: PAIRS * size_of::<HullPair>() },
         Part { name: "tracks", capacity: TRACKS, bytes: TRACKS * size_of::<Track>() },
-        Part { name: "range images", capacity: HISTORY, bytes: size_of::<Visibility>() },
+        Part { name: "range images", capacity: HISTORY, bytes: size_of::<Visibility<RANGE_COLUMNS>>() },
         Part { name: "submap voxels", capacity: VOXEL_SETS * WAYS, bytes: size_of::<VoxelMap<VOXEL_SETS>>() },
         Part {
             name: "submap landmarks",
             capacity: MAP_LANDMARKS,
             bytes: MAP_LANDMARKS * size_of::<MapLandmark>(),
         },
-        Part { name: "everything else", capacity: 1, bytes: size_of_val(odometry) },
+        Part {
+            name: "everything else",
+            capacity: 1,
+            bytes: size_of::<
+                Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS, RANGE_COLUMNS>,
+            >(),
+        },
     ];
     let mut index = 0;
     while index + 1 < parts.len() {

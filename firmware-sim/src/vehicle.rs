@@ -1,21 +1,28 @@
 //! The loop.
 
 use sdslam_core::estimate::BufferUse;
-use sdslam_core::{FrameEstimate, FrameStatus, LabelledPoint, LabelledScan, Odometry};
+use sdslam_core::{FrameEstimate, FrameStatus, LabelledPoint, LabelledScan, Stage, StageObserver};
 
-use crate::board::{Board, Fault};
+use crate::board::{Board, Fault, ScanHeader};
+use crate::clock::SensorClock;
+use crate::profile::AnyOdometry;
+use crate::wire::Answer;
 
 /// What the loop has seen so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Totals {
     /// Scans fetched.
     pub scans: u32,
+    /// Scans that never came, by their sequence numbers.
+    pub missed: u32,
     /// Estimates published.
     pub estimates: u32,
     /// Estimates that are a prediction: the scan could not be registered.
     pub predicted: u32,
     /// Faults reported to the board.
     pub faults: u32,
+    /// Longest time from a scan to its answer, by the board's clock \[us\].
+    pub longest_us: u64,
     /// Most that was ever used of each buffer.
     pub high_water: HighWater,
 }
@@ -35,42 +42,75 @@ pub struct HighWater {
 ///
 /// # Errors
 /// Those of the board. A scan that is refused is no error but a [`Fault`].
-pub fn run<
-    B: Board,
-    const CELLS: usize,
-    const INSTANCES: usize,
-    const LANDMARKS: usize,
-    const TRACKS: usize,
-    const VOXEL_SETS: usize,
-    const MAP_LANDMARKS: usize,
->(
+pub fn run<B: Board>(
     board: &mut B,
-    odometry: &mut Odometry<CELLS, INSTANCES, LANDMARKS, TRACKS, VOXEL_SETS, MAP_LANDMARKS>,
+    odometry: &mut impl AnyOdometry,
     points: &mut [LabelledPoint],
     totals: &mut Totals,
 ) -> Result<(), B::Error> {
+    let mut clock = SensorClock::default();
+    let mut last_sequence = None;
     while let Some(header) = board.next_scan(points)? {
-        totals.fetched(header.points);
+        let arrival_us = board.now_us();
         let capacity = points.len();
-        if header.points > capacity {
-            totals.report(board, Fault::PointsLost { received: header.points, capacity });
+        totals.fetched(header.points);
+        totals.report_gaps(board, &mut last_sequence, &header, capacity);
+        let (stamp_s, set_s) = clock.steady(header.stamp_s, arrival_us);
+        if let Some(by_s) = set_s {
+            totals.report(board, Fault::ClockSet { by_s });
         }
         let points = points.get_mut(..header.points.min(capacity)).unwrap_or_default();
-        match odometry.process_scan(&mut LabelledScan { stamp_s: header.stamp_s, points }) {
+        let mut scan = LabelledScan { stamp_s, points };
+        match odometry.process(&mut scan, &mut Stages(board)) {
             Ok(estimate) => {
-                board.publish(&estimate)?;
                 totals.published(&estimate);
+                let estimate = FrameEstimate { stamp_s: header.stamp_s, ..estimate };
+                let tracks = &mut odometry.tracks();
+                board.publish(Answer { sequence: header.sequence, estimate, tracks, points: scan.points })?;
             }
             Err(error) => totals.report(board, Fault::Refused(error)),
         }
+        totals.answered(board, arrival_us);
     }
     Ok(())
+}
+
+/// Passes the stages on to the board.
+struct Stages<'a, B>(&'a mut B);
+
+impl<B: Board> StageObserver for Stages<'_, B> {
+    fn finished(&mut self, stage: Stage) {
+        self.0.stage_finished(stage);
+    }
 }
 
 impl Totals {
     fn fetched(&mut self, points: usize) {
         self.scans = self.scans.saturating_add(1);
         self.high_water.points = self.high_water.points.max(points);
+    }
+
+    /// Scans that never came, and points that did not fit.
+    fn report_gaps(
+        &mut self,
+        board: &mut impl Board,
+        last_sequence: &mut Option<u32>,
+        header: &ScanHeader,
+        capacity: usize,
+    ) {
+        // Sequence numbers wrap; a duplicate or an older scan is no gap.
+        let step = last_sequence.map_or(1, |last| header.sequence.wrapping_sub(last));
+        let forward = step > 0 && step < 1 << 31;
+        if forward && step > 1 {
+            self.missed = self.missed.saturating_add(step - 1);
+            self.report(board, Fault::Missed { scans: step - 1 });
+        }
+        if forward {
+            *last_sequence = Some(header.sequence);
+        }
+        if header.points > capacity {
+            self.report(board, Fault::PointsLost { received: header.points, capacity });
+        }
     }
 
     fn report(&mut self, board: &mut impl Board, fault: Fault) {
@@ -84,6 +124,15 @@ impl Totals {
             self.predicted = self.predicted.saturating_add(1);
         }
         self.high_water.buffers = larger(&self.high_water.buffers, &estimate.evidence.buffers);
+    }
+
+    fn answered<B: Board>(&mut self, board: &mut B, arrival_us: u64) {
+        board.alive();
+        let took_us = board.now_us().saturating_sub(arrival_us);
+        self.longest_us = self.longest_us.max(took_us);
+        if took_us > B::DEADLINE_US {
+            self.report(board, Fault::Late { took_us });
+        }
     }
 }
 

@@ -31,13 +31,16 @@ impl SimulatedDrive {
 
     /// What the desk program prints, and what it complains about.
     fn replay(&self) -> (bool, String, String) {
-        let mut desk = Command::cargo_bin("sdslam-firmware-sim").expect("the program");
-        let output = desk.arg(self.folder.path()).arg(&self.sequence).output().expect("it runs");
-        let text = |bytes| String::from_utf8(bytes).expect("text");
-        (output.status.success(), text(output.stdout), text(output.stderr))
+        let folder = self.folder.path().to_str().expect("a name in UTF-8");
+        desk(&["replay", folder, "--sequence", &self.sequence])
     }
 
-    /// The last line of the trajectory that the host finds.
+    /// Where a run of the host records.
+    fn recording(&self) -> PathBuf {
+        self.folder.path().join("drive.sdr")
+    }
+
+    /// The last line of the trajectory that the host finds; it records.
     fn last_pose_of_the_host(&self) -> String {
         let mut config = HostConfig::default();
         config.input.elevation_correction_deg = 0.0;
@@ -50,12 +53,25 @@ impl SimulatedDrive {
             config,
             threads: 1,
             overwrite: false,
+            record: Some(self.recording()),
             out: self.folder.path().join("out"),
         };
         let summary = run::run(&request, |_, _| ()).expect("a run");
         let poses = read(&summary.folder.join("poses_tum.txt"));
         poses.lines().last().expect("a pose").into()
     }
+}
+
+/// Success, what the desk program prints, and what it complains about.
+fn desk(arguments: &[&str]) -> (bool, String, String) {
+    let mut desk = Command::cargo_bin("sdslam-firmware-sim").expect("the program");
+    let output = desk.args(arguments).output().expect("it runs");
+    let text = |bytes| String::from_utf8(bytes).expect("text");
+    (output.status.success(), text(output.stdout), text(output.stderr))
+}
+
+fn text_of(path: &Path) -> &str {
+    path.to_str().expect("a name in UTF-8")
 }
 
 fn read(path: &Path) -> String {
@@ -67,8 +83,13 @@ fn the_pose_is_the_hosts_to_the_last_digit() {
     let drive = SimulatedDrive::new();
     let (ok, report, errors) = drive.replay();
     assert!(ok && errors.is_empty(), "{errors}");
-    assert_eq!(report.lines().last(), Some(drive.last_pose_of_the_host().as_str()));
-    assert!(report.contains("10 scans, 10 estimates, 0 of them predicted, 0 faults"), "{report}");
+    let last_pose = drive.last_pose_of_the_host();
+    assert_eq!(report.lines().last(), Some(last_pose.as_str()));
+    assert!(report.contains("10 scans, 0 missed, 10 estimates, 0 of them predicted, 0 faults"), "{report}");
+    // The recording holds the same scans as the drive.
+    let (ok, of_recording, errors) = desk(&["replay", text_of(&drive.recording())]);
+    assert!(ok && errors.is_empty(), "{errors}");
+    assert_eq!(of_recording.lines().last(), Some(last_pose.as_str()));
 }
 
 #[test]
@@ -79,8 +100,10 @@ fn a_stamp_that_goes_back_is_reported_and_the_replay_goes_on() {
     times[5] = "0.05";
     fs::write(drive.path("times.txt"), times.join("\n")).expect("a writable folder");
     let (ok, report, errors) = drive.replay();
-    assert!(ok && errors.contains("scan 5: scan refused: time stamp 0.05 s is not after"), "{errors}");
-    assert!(report.contains("10 scans, 9 estimates, 0 of them predicted, 1 faults"), "{report}");
+    assert!(ok && errors.is_empty(), "{errors}");
+    // A drive knows no other clock than its stamps: the scan is taken for one that comes at once after the last.
+    assert!(report.contains("scan 5: scan refused"), "{report}");
+    assert!(report.contains("10 scans, 0 missed, 9 estimates, 0 of them predicted, 3 faults"), "{report}");
 }
 
 #[test]
@@ -101,4 +124,64 @@ fn damaged_drives_end_with_the_name_of_the_file() {
         fs::write(path, good).expect("a writable folder");
     }
     assert!(drive.replay().0, "the repaired drive");
+}
+
+#[test]
+fn answers_compare_bit_for_bit() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let [a, b] = ["a", "b"].map(|name| folder.path().join(name));
+    for file in [&a, &b] {
+        let (ok, ..) = desk(&["replay", "--scans", "6", "--answers", text_of(file)]);
+        assert!(ok);
+    }
+    let (ok, equal, _) = desk(&["compare", text_of(&a), text_of(&b)]);
+    assert!(ok && equal.starts_with("6 answers with"), "{equal}");
+    // Other parameters, other answers.
+    assert!(desk(&["replay", "--scans", "6", "--profile", "landmark", "--answers", text_of(&b)]).0);
+    let (ok, differs, _) = desk(&["compare", text_of(&a), text_of(&b)]);
+    assert!(!ok && differs.starts_with("scan 0: the estimates differ"), "{differs}");
+    // One bit on the way is an error, not a difference.
+    let mut bytes = fs::read(&a).expect("answers");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 4;
+    fs::write(&b, bytes).expect("a writable folder");
+    let (ok, _, errors) = desk(&["compare", text_of(&a), text_of(&b)]);
+    assert!(!ok && errors.contains("is damaged at byte"), "{errors}");
+}
+
+#[test]
+fn a_board_that_is_too_slow_reads_too_late() {
+    let (ok, _, errors) = desk(&["replay", "--busy-ms", "130"]);
+    assert!(!ok && errors.contains("late read"), "{errors}");
+    assert!(desk(&["replay", "--busy-ms", "90"]).0);
+}
+
+#[test]
+fn every_fault_is_survived() {
+    let (ok, table, errors) = desk(&["faults", "--scenarios", "60"]);
+    assert!(ok && errors.is_empty(), "{table}{errors}");
+    assert!(table.contains("60 scenarios, 0 panics, 0 not well again within 5 good scans"), "{table}");
+    for row in table.lines().skip(1).take(9) {
+        let injected = row.split_whitespace().find_map(|word| word.parse::<u32>().ok());
+        assert!(injected.is_some_and(|n| n > 0), "every kind of fault is injected: {row}");
+    }
+}
+
+#[test]
+fn a_drive_that_does_not_fit_says_what_and_when() {
+    let (ok, small, _) = desk(&["fit", "--profile", "landmark"]);
+    assert!(ok && small.contains("points") && small.contains("0 (0.000 s)"), "{small}");
+    let (ok, full, _) = desk(&["fit", "--profile", "full"]);
+    assert!(ok && full.contains("the drive fits") && full.contains("0.000 m and 0.000 deg"), "{full}");
+}
+
+#[test]
+fn damaged_recordings_end_with_their_name() {
+    let folder = TempDir::new().expect("a temporary folder");
+    let file = folder.path().join("x.sdr");
+    for bytes in [&b"no recording at all, but long enough for a header"[..], &[0xD5; 5]] {
+        fs::write(&file, bytes).expect("a writable folder");
+        let (ok, _, errors) = desk(&["replay", text_of(&file)]);
+        assert!(!ok && errors.contains("x.sdr") && errors.contains("damaged recording"), "{errors}");
+    }
 }

@@ -6,7 +6,9 @@ use sdslam_core::estimate::BufferUse;
 use sdslam_core::{
     Config, FrameEstimate, FrameStatus, LabelledPoint, Odometry, OdometryError, SemanticClass,
 };
-use sdslam_firmware_sim::{Board, Fault, ScanHeader, Totals, memory, run};
+use sdslam_firmware_sim::profile::AnyOdometry;
+use sdslam_firmware_sim::wire::Answer;
+use sdslam_firmware_sim::{Board, Fault, ScanHeader, Totals, run};
 
 const POINTS: usize = 16384;
 
@@ -43,7 +45,13 @@ fn street(size: usize, travelled_m: f32) -> Vec<LabelledPoint> {
 struct FakeBoard {
     scans: Vec<(f64, Vec<LabelledPoint>)>,
     fail_at: Option<usize>,
+    /// Scans that come this much later than their stamp says \[us\].
+    late_us: u64,
+    /// Time from a scan to its answer \[us\].
+    busy_us: u64,
     fetched: usize,
+    fed: usize,
+    clock_us: u64,
     awaits_estimate: bool,
     estimates: Vec<FrameEstimate>,
     faults: Vec<Fault>,
@@ -60,16 +68,27 @@ impl Board for FakeBoard {
         for (to, from) in points.iter_mut().zip(scan) {
             *to = *from;
         }
+        let sequence = self.fetched as u32;
+        self.clock_us = 100_000 * u64::from(sequence) + self.late_us;
         self.fetched += 1;
         self.awaits_estimate = true;
-        Ok(Some(ScanHeader { stamp_s: *stamp_s, points: scan.len() }))
+        Ok(Some(ScanHeader { sequence, stamp_s: *stamp_s, points: scan.len() }))
     }
 
-    fn publish(&mut self, estimate: &FrameEstimate) -> Result<(), Self::Error> {
+    fn now_us(&mut self) -> u64 {
+        self.clock_us
+    }
+
+    fn publish(&mut self, answer: Answer<'_>) -> Result<(), Self::Error> {
         assert!(self.awaits_estimate, "published twice, or without a scan");
         self.awaits_estimate = false;
-        self.estimates.push(*estimate);
+        self.estimates.push(answer.estimate);
+        self.clock_us += self.busy_us;
         Ok(())
+    }
+
+    fn alive(&mut self) {
+        self.fed += 1;
     }
 
     fn fault(&mut self, fault: Fault) {
@@ -81,7 +100,7 @@ impl Board for FakeBoard {
 fn drive_with(mut board: FakeBoard, capacity: usize) -> (FakeBoard, Totals, Result<(), &'static str>) {
     let mut points = vec![LabelledPoint::new([0.0; 3], SemanticClass::Unlabelled); capacity];
     let mut totals = Totals::default();
-    let end = run(&mut board, &mut odometry(), &mut points, &mut totals);
+    let end = run(&mut board, &mut *odometry(), &mut points, &mut totals);
     (board, totals, end)
 }
 
@@ -193,10 +212,42 @@ fn an_error_of_the_board_ends_the_loop_and_keeps_the_totals() {
 
 #[test]
 fn the_parts_of_the_memory_are_the_whole() {
-    let odometry = odometry();
-    let parts = memory::parts(&odometry);
+    let parts = SmallOdometry::parts();
     let bytes: usize = parts.iter().map(|part| part.bytes).sum();
     assert_eq!(bytes, size_of::<SmallOdometry>());
     let rest = parts.last().map(|part| part.bytes);
     assert!(rest.is_some_and(|rest| rest < bytes / 50), "parts that have no row: {rest:?} of {bytes} bytes");
+}
+
+#[test]
+fn a_clock_that_is_set_loses_no_scan_and_changes_no_pose() {
+    let (steady_clock, _) = drive(steady(6));
+    for by_s in [-3600.0, -0.5, 0.5, 1e6] {
+        let mut scans = steady(6);
+        for (stamp_s, _) in &mut scans[3..] {
+            *stamp_s += by_s;
+        }
+        let (board, totals) = drive(scans);
+        assert!(matches!(board.faults[..], [Fault::ClockSet { by_s: found }] if (found - by_s).abs() < 1e-6));
+        assert_eq!((totals.estimates, totals.predicted), (6, 0), "set by {by_s} s");
+        for (set, steady) in board.estimates.iter().zip(&steady_clock.estimates) {
+            let apart = set.map_from_sensor.translation.vector - steady.map_from_sensor.translation.vector;
+            assert!(apart.norm() < 1e-3, "set by {by_s} s: {apart}");
+        }
+        let stamps: Vec<f64> = board.estimates[3..].iter().map(|estimate| estimate.stamp_s).collect();
+        assert!(stamps.iter().all(|s| (s - by_s) < 0.6), "the answer has the sensor's stamp: {stamps:?}");
+    }
+}
+
+#[test]
+fn late_answers_are_faults() {
+    let (board, totals, _) =
+        drive_with(FakeBoard { scans: steady(3), busy_us: 100_001, ..FakeBoard::default() }, POINTS);
+    assert_eq!(board.faults, [Fault::Late { took_us: 100_001 }; 3]);
+    assert_eq!((totals.longest_us, board.fed), (100_001, 3));
+    let (on_time, ..) = drive_with(
+        FakeBoard { scans: steady(3), busy_us: 100_000, late_us: 30_000, ..FakeBoard::default() },
+        POINTS,
+    );
+    assert_eq!(on_time.faults, []);
 }

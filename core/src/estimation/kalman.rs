@@ -6,6 +6,7 @@ use crate::math;
 
 /// Mean and covariance of a landmark centre's motion in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlanarMotion {
     /// [x m, vx m/s, y m, vy m/s].
     pub state: Vector4<f32>,

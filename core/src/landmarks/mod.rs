@@ -19,6 +19,7 @@ pub const SAMPLES: usize = 24;
 /// Motion state of a landmark (section 3.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum MotionState {
     /// Its class never moves.
     #[default]
@@ -33,6 +34,7 @@ pub enum MotionState {
 
 /// One landmark of a scan.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Landmark {
     /// Class: that of most of its points.
     pub class: SemanticClass,

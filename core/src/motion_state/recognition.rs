@@ -9,6 +9,7 @@ use crate::math;
 
 /// What speaks for motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct MotionCues {
     /// Share of the surface that stands where the sensor looked through less than a second ago.
     pub appeared: f32,
@@ -45,7 +46,12 @@ impl MotionCues {
     }
 
     /// Free space and displacement.
-    pub fn of(config: &Config, track: &Track, now: &Snapshot, visibility: &Visibility) -> Self {
+    pub fn of<const COLUMNS: usize>(
+        config: &Config,
+        track: &Track,
+        now: &Snapshot,
+        visibility: &Visibility<COLUMNS>,
+    ) -> Self {
         let margin = config.free_margin_m;
         let share = |what, age, places: &[[f32; 3]]| visibility.share(what, age, places, margin);
         let (speed, significance) = track.motion.speed();

@@ -17,6 +17,7 @@ const SNAPSHOT_FRAMES: u32 = 5;
 
 /// Where a landmark's surface was some frames ago, local frame.
 #[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Snapshot {
     /// Frames since.
     pub age: u32,
@@ -30,6 +31,7 @@ pub struct Snapshot {
 
 /// A landmark followed over time; local frame.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct Track {
     /// Identity, never reused.
     pub id: u32,
@@ -120,12 +122,12 @@ fn centre_noise(config: &Config, landmark: &Landmark) -> f32 {
 
 /// Follows the landmarks of a scan: predict, associate, update, recognise; writes each landmark's state and track.
 /// Gives the number of landmarks that found no free track.
-pub fn update(
+pub fn update<const COLUMNS: usize>(
     config: &Config,
     tau: f32,
     local_from_sensor: &Pose,
     landmarks: &mut [Landmark],
-    visibility: &Visibility,
+    visibility: &Visibility<COLUMNS>,
     next_id: &mut u32,
     tracks: &mut VecView<Track>,
 ) -> u32 {
@@ -224,7 +226,7 @@ fn open(
 }
 
 #[allow(clippy::too_many_arguments, reason = "one step of the filter, everything it takes")]
-fn correct(
+fn correct<const COLUMNS: usize>(
     config: &Config,
     track: &mut Track,
     landmark: &Landmark,
@@ -232,7 +234,7 @@ fn correct(
     noise: f32,
     tau: f32,
     local_from_sensor: &Pose,
-    visibility: &Visibility,
+    visibility: &Visibility<COLUMNS>,
 ) {
     let before = track.motion;
     track.motion.update(centre.xy(), &(Matrix2::identity() * (noise * noise)));

@@ -4,16 +4,18 @@
 //! through has left. Neither depends on which side of the thing is seen, which is what makes the centre of a parked
 //! car wander when it is passed (weakness of eq. 5).
 
+#[cfg(feature = "snapshot")]
+mod snapshot;
+
 use heapless::Deque;
 use micromath::F32Ext;
 use nalgebra::{Point3, Vector3};
 
+use crate::capacity::RANGE_COLUMNS;
 use crate::math;
 use crate::pose::{self, Pose};
 use crate::scan::LabelledPoint;
 
-/// Columns of an image, half a degree each.
-const COLUMNS: usize = 720;
 /// Rows of an image.
 const ROWS: usize = 32;
 /// Slope z / horizontal range of the lowest and of the highest row: covers -26 to +6 degrees.
@@ -27,7 +29,7 @@ pub const HISTORY: usize = 11;
 
 /// Nearest horizontal range per pixel [cm].
 #[derive(Clone)]
-struct RangeImage {
+struct RangeImage<const COLUMNS: usize> {
     ranges: [[u16; COLUMNS]; ROWS],
     local_from_sensor: Pose,
 }
@@ -43,15 +45,15 @@ pub enum Seen {
     Unknown,
 }
 
-/// The last range images, newest at index 0.
-pub struct Visibility {
-    images: [RangeImage; HISTORY],
+/// The last range images, newest at index 0; `COLUMNS` of them make a turn (see [`crate::capacity`]).
+pub struct Visibility<const COLUMNS: usize = RANGE_COLUMNS> {
+    images: [RangeImage<COLUMNS>; HISTORY],
     order: Deque<u8, HISTORY>,
 }
 
 /// Row, column and horizontal range [m] of a point in the sensor frame.
 #[inline]
-fn pixel(p: &Vector3<f32>) -> Option<(usize, usize, f32)> {
+fn pixel<const COLUMNS: usize>(p: &Vector3<f32>) -> Option<(usize, usize, f32)> {
     let horizontal = math::sqrt(p.x * p.x + p.y * p.y);
     let row = (p.z / horizontal - SLOPES.0) * (ROWS as f32 / (SLOPES.1 - SLOPES.0));
     // micromath's atan2 is off by up to 0.16 degrees, the same for every image: right for choosing a column.
@@ -60,12 +62,15 @@ fn pixel(p: &Vector3<f32>) -> Option<(usize, usize, f32)> {
     (row >= 0.0 && row < ROWS as f32).then_some((row as usize, column, horizontal))
 }
 
-impl Visibility {
+impl<const COLUMNS: usize> RangeImage<COLUMNS> {
+    const EMPTY: Self = Self { ranges: [[EMPTY; COLUMNS]; ROWS], local_from_sensor: pose::IDENTITY };
+}
+
+impl<const COLUMNS: usize> Visibility<COLUMNS> {
     /// Nothing seen yet.
     pub const fn new() -> Self {
-        const IMAGE: RangeImage =
-            RangeImage { ranges: [[EMPTY; COLUMNS]; ROWS], local_from_sensor: pose::IDENTITY };
-        Self { images: [IMAGE; HISTORY], order: Deque::new() }
+        const { assert!(COLUMNS > 0, "RANGE_COLUMNS must be positive") };
+        Self { images: [RangeImage::EMPTY; HISTORY], order: Deque::new() }
     }
 
     /// Forgets all images.
@@ -80,10 +85,12 @@ impl Visibility {
         let image = &mut self.images[slot as usize];
         image.ranges = [[EMPTY; COLUMNS]; ROWS];
         image.local_from_sensor = *local_from_sensor;
-        // A pixel is half a degree wide: of a dense scan every other point fills it as well.
+        // Half a degree is wide: of a dense scan every other point fills a pixel as well.
         let stride = 1 + points.len() / DENSE_SCAN;
         for point in points.iter().step_by(stride) {
-            let Some((row, column, range)) = pixel(&Vector3::from(point.position)) else { continue };
+            let Some((row, column, range)) = pixel::<COLUMNS>(&Vector3::from(point.position)) else {
+                continue;
+            };
             let nearest = &mut image.ranges[row][column];
             // 655 m at most: the cast saturates.
             *nearest = (*nearest).min((range * 100.0) as u16);
@@ -120,7 +127,7 @@ impl Visibility {
         let Some(slot) = self.order.iter().nth(age) else { return Seen::Unknown };
         let image = &self.images[*slot as usize];
         let p = image.local_from_sensor.inverse_transform_point(&Point3::from(*place)).coords;
-        let Some((row, column, range)) = pixel(&p) else { return Seen::Unknown };
+        let Some((row, column, range)) = pixel::<COLUMNS>(&p) else { return Seen::Unknown };
         let at = |dr: isize, dc: usize| {
             let r = row.checked_add_signed(dr).filter(|r| *r < ROWS)?;
             let range = image.ranges[r][(column + COLUMNS + dc - 1) % COLUMNS];
@@ -145,7 +152,7 @@ impl Visibility {
     }
 }
 
-impl Default for Visibility {
+impl<const COLUMNS: usize> Default for Visibility<COLUMNS> {
     fn default() -> Self {
         Self::new()
     }

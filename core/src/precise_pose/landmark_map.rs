@@ -8,6 +8,7 @@ use crate::pose::Pose;
 
 /// A landmark of the submap; its coordinates are in the local frame.
 #[derive(Clone, Debug)]
+#[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
 pub struct MapLandmark {
     /// The landmark.
     pub landmark: Landmark,

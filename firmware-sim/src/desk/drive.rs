@@ -1,13 +1,13 @@
-//! A labelled drive in KITTI odometry layout, read scan by scan into the loop's buffer.
+//! A labelled drive in KITTI odometry layout, read scan by scan.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail, ensure};
 use sdslam_core::LabelledPoint;
-use sdslam_firmware_sim::ScanHeader;
 
 use crate::labels::class_of;
+use crate::source::RecordedScan;
 
 /// Bytes of a point in a `.bin` file: x, y, z \[m\] and remission as float32.
 const POINT_BYTES: usize = 16;
@@ -15,10 +15,12 @@ const POINT_BYTES: usize = 16;
 const ASSUMED_PERIOD_S: f64 = 0.1;
 
 /// A drive.
+#[derive(Clone)]
 pub struct Drive {
     scans: Vec<Scan>,
 }
 
+#[derive(Clone)]
 struct Scan {
     points: PathBuf,
     labels: PathBuf,
@@ -46,9 +48,14 @@ impl Drive {
         Ok(Self { scans })
     }
 
-    /// Reads scan `index` to the beginning of `points`; none after the last one.
-    pub fn read(&self, index: usize, points: &mut [LabelledPoint]) -> anyhow::Result<Option<ScanHeader>> {
-        let Some(scan) = self.scans.get(index) else { return Ok(None) };
+    /// Number of scans.
+    pub fn len(&self) -> usize {
+        self.scans.len()
+    }
+
+    /// Reads scan `index`.
+    pub fn read(&self, index: usize) -> anyhow::Result<RecordedScan> {
+        let scan = self.scans.get(index).with_context(|| format!("the drive has no scan {index}"))?;
         let (bytes, labels) = (read(&scan.points)?, read(&scan.labels)?);
         let size = bytes.len();
         ensure!(size % POINT_BYTES == 0, "{} has {size} bytes, no multiple of 16", scan.points.display());
@@ -61,10 +68,11 @@ impl Drive {
         );
         let (bytes, _) = bytes.as_chunks::<POINT_BYTES>();
         let (labels, _) = labels.as_chunks::<4>();
-        for (point, (bytes, label)) in points.iter_mut().zip(bytes.iter().zip(labels)) {
-            *point = LabelledPoint::new(position(bytes), class_of(u32::from_le_bytes(*label)));
-        }
-        Ok(Some(ScanHeader { stamp_s: scan.stamp_s, points: count }))
+        let point = |(bytes, label): (_, &[u8; 4])| {
+            LabelledPoint::new(position(bytes), class_of(u32::from_le_bytes(*label)))
+        };
+        let points = bytes.iter().zip(labels).map(point).collect();
+        Ok(RecordedScan { sequence: index as u32, stamp_s: scan.stamp_s, points })
     }
 }
 

@@ -1,71 +1,171 @@
-//! The on-vehicle loop on a desk: replays a labelled drive in KITTI odometry layout, prints what it needs of memory and
-//! time, and where it ended.
+//! The on-vehicle loop on a desk: replays a recording or a drive, tells what it needs of memory and time, whether a drive
+//! fits a memory profile, and what becomes of it when things go wrong.
 
 mod board;
+mod compare;
 mod drive;
+mod faults;
+mod fit;
 mod labels;
+mod link;
+mod replay;
 mod report;
+mod scenarios;
+mod source;
 
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
-use std::thread;
 
-use anyhow::{Context, anyhow, ensure};
-use sdslam_core::capacity::FULL_SCAN_POINTS;
-use sdslam_core::{Config, FullScanOdometry, LabelledPoint, SemanticClass};
-use sdslam_firmware_sim::{Totals, run};
+use clap::{Parser, ValueEnum};
 
-use board::DeskBoard;
-use drive::Drive;
+use replay::Replay;
+use source::Source;
 
-const USAGE: &str = "\
-Replays a labelled drive through the loop that runs in the vehicle; prints memory, time and the last pose.
+/// Runs the on-vehicle loop on a desk.
+///
+/// Without a command: replays the recording that comes with the program.
+#[derive(Parser)]
+#[command(name = "sdslam-firmware-sim", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
 
-usage: sdslam-firmware-sim DATASET SEQUENCE
+#[derive(clap::Subcommand)]
+enum Command {
+    /// Replay a recording or a drive: tables of memory and time, and the last pose.
+    Replay {
+        #[command(flatten)]
+        input: Input,
+        /// Memory profile.
+        #[arg(long, default_value = "full")]
+        profile: ProfileName,
+        /// Write every answer to this file, as it goes over the wire.
+        #[arg(long, value_name = "FILE")]
+        answers: Option<PathBuf>,
+        /// Time of the board from a scan to its answer [ms]; a scan that is fetched too late ends the replay.
+        #[arg(long, value_name = "MS", default_value_t = 0)]
+        busy_ms: u64,
+    },
+    /// Replay many times, each with faults of its own, and tell what was injected and what happened.
+    Faults {
+        #[command(flatten)]
+        input: Input,
+        /// Memory profile.
+        #[arg(long, default_value = "full")]
+        profile: ProfileName,
+        /// How many times.
+        #[arg(long, value_name = "N", default_value_t = 1000)]
+        scenarios: u32,
+        /// Everything random follows from this number.
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        seed: u64,
+    },
+    /// Tell whether a drive fits a memory profile: which buffer was full, when, by how much, and what the poses lost
+    /// compared with the full profile.
+    Fit {
+        #[command(flatten)]
+        input: Input,
+        /// Memory profile.
+        #[arg(long, default_value = "landmark")]
+        profile: ProfileName,
+    },
+    /// Compare two files of answers; the exit code is 1 where one bit differs.
+    Compare {
+        /// Answers of one run.
+        left: PathBuf,
+        /// Answers of the other.
+        right: PathBuf,
+    },
+    /// The exact bytes of every profile.
+    Profiles,
+}
 
-  DATASET   folder with sequences/SEQUENCE/{velodyne/NNNNNN.bin,labels/NNNNNN.label,times.txt}
-  SEQUENCE  name of the drive, e.g. 07
+/// What to replay. Default: the recording that comes with the program.
+#[derive(clap::Args, Default)]
+struct Input {
+    /// A recording made by `sdslam run --record`, or, with --sequence, a folder in KITTI odometry layout.
+    #[arg(value_name = "RECORDING | DATASET")]
+    path: Option<PathBuf>,
+    /// Replay DATASET/sequences/NN. Its points go in as they are: no elevation correction, no deskewing.
+    #[arg(long, value_name = "NN", requires = "path")]
+    sequence: Option<String>,
+    /// Stop after this many scans.
+    #[arg(long, value_name = "N")]
+    scans: Option<usize>,
+}
 
-The points go in as they are: no elevation correction, no deskewing.
-";
+impl Input {
+    fn open(self) -> anyhow::Result<Source> {
+        let scans = self.scans.unwrap_or(usize::MAX);
+        Source::open(self.path.as_deref(), self.sequence.as_deref(), scans)
+    }
+}
 
-/// The odometry is built on the stack before it moves to the heap.
-const STACK_BYTES: usize = 4 * size_of::<FullScanOdometry>() + (4 << 20);
+/// The memory profiles of `profile.rs`.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum ProfileName {
+    /// Full scans of a 64-beam sensor, dense refinement.
+    Full,
+    /// Scans of at most 8192 points, landmarks only.
+    Landmark,
+}
+
+/// Calls a function with the profile of a name as its type parameter.
+macro_rules! with_profile {
+    ($name:expr, $function:ident($($argument:expr),*)) => {
+        match $name {
+            $crate::ProfileName::Full => $function::<sdslam_firmware_sim::profile::FullScan>($($argument),*),
+            $crate::ProfileName::Landmark => $function::<sdslam_firmware_sim::profile::LandmarkOnly>($($argument),*),
+        }
+    };
+}
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["--help" | "-h"] => print!("{USAGE}"),
-        [dataset, sequence] => {
-            if let Err(error) = replay(dataset, sequence) {
-                eprintln!("error: {error:#}");
-                return ExitCode::FAILURE;
-            }
-        }
-        _ => {
-            eprint!("{USAGE}");
-            return ExitCode::from(2);
+    match execute(Cli::parse().command) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
         }
     }
-    ExitCode::SUCCESS
 }
 
-fn replay(dataset: &str, sequence: &str) -> anyhow::Result<()> {
-    let drive = Drive::open(&Path::new(dataset).join("sequences").join(sequence))?;
-    let work = thread::Builder::new().stack_size(STACK_BYTES).spawn(move || replay_drive(drive));
-    let end = work.context("failed to start a thread")?.join();
-    print!("{}", end.map_err(|_| anyhow!("the loop panicked"))??);
-    Ok(())
-}
+fn execute(command: Option<Command>) -> anyhow::Result<ExitCode> {
+    use replay::replay;
+    use report::profile_table;
+    use scenarios::scenarios;
 
-/// Runs the drive; gives the report.
-fn replay_drive(drive: Drive) -> anyhow::Result<String> {
-    let mut odometry = Box::new(FullScanOdometry::new(Config::accurate())?);
-    let mut points = vec![LabelledPoint::new([0.0; 3], SemanticClass::Unlabelled); FULL_SCAN_POINTS];
-    let mut board = DeskBoard::new(drive);
-    let mut totals = Totals::default();
-    run(&mut board, &mut odometry, &mut points, &mut totals)
-        .with_context(|| format!("failed after {} scans", totals.scans))?;
-    ensure!(totals.estimates > 0, "no scan gave an estimate");
-    Ok(report::report(&odometry, points.len(), &totals, &board))
+    let default =
+        Command::Replay { input: Input::default(), profile: ProfileName::Full, answers: None, busy_ms: 0 };
+    let mut ok = true;
+    let text = match command.unwrap_or(default) {
+        Command::Replay { input, profile, answers, busy_ms } => {
+            let replayed: Replay = with_profile!(profile, replay(input.open()?, busy_ms * 1000))?;
+            if let Some(file) = answers {
+                replayed.write_answers(&file)?;
+            }
+            report::report(&replayed)
+        }
+        Command::Faults { input, profile, scenarios: runs, seed } => {
+            let table = with_profile!(profile, scenarios(input.open()?, runs, seed))?;
+            ok = table.all_recovered();
+            table.to_string()
+        }
+        Command::Fit { input, profile } => {
+            let source = input.open()?;
+            let full = replay::<sdslam_firmware_sim::profile::FullScan>(source.clone(), 0)?;
+            fit::report(&with_profile!(profile, replay(source, 0))?, &full)
+        }
+        Command::Compare { left, right } => {
+            let comparison = compare::compare(&left, &right)?;
+            ok = comparison.equal;
+            comparison.text
+        }
+        Command::Profiles => {
+            [ProfileName::Full, ProfileName::Landmark].map(|p| with_profile!(p, profile_table())).join("\n")
+        }
+    };
+    print!("{text}");
+    Ok(if ok { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }

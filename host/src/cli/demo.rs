@@ -68,6 +68,7 @@ impl Args {
             config,
             threads: 2,
             overwrite: self.overwrite,
+            record: None,
             out: self.out.join("results"),
         }
     }

@@ -50,6 +50,9 @@ pub(super) struct Args {
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
+    /// Also record every scan as the core gets it, for sdslam-firmware-sim and boards; replaces the file.
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     threads: ThreadArgs,
 }
@@ -119,6 +122,7 @@ impl Args {
             end_frame: frames.end,
             threads: self.threads.count(),
             overwrite: self.overwrite,
+            record: self.record,
             out: self.out,
         })
     }

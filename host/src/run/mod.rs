@@ -20,9 +20,9 @@
 //!
 //! Classes come from label files or from a segmentation network ([`ClassSource`]); run.log says which.
 //!
-//! A scan that is missing, cannot be read or has nothing to segment becomes an empty one at its stamp, so its pose is the prediction and every
-//! frame keeps its line; its `motion` file is left out. A stamp that does not go forward is replaced by the one before
-//! plus 0.1 s. Both are counted and logged. The first scan must be readable.
+//! A scan that is missing, cannot be read or has nothing to segment becomes an empty one at its stamp, so its pose is the
+//! prediction and every frame keeps its line; its `motion` file is left out. A stamp that does not go forward is replaced by
+//! the one before plus 0.1 s. Both are counted and logged. The first scan must be usable.
 
 mod error;
 mod journal;
@@ -31,6 +31,7 @@ mod motion;
 mod output;
 mod picture;
 mod record;
+mod recording;
 mod scans;
 mod segment;
 mod stopwatch;
@@ -54,6 +55,7 @@ use mapping::Mapping;
 pub use motion::MovingLandmarks;
 use output::OutputFolder;
 use record::Recorder;
+use recording::Recording;
 pub use scans::ScanFault;
 use scans::{ScanSource, Stamps};
 pub use segment::{SegmentRequest, SegmentSummary, segment};
@@ -82,6 +84,8 @@ pub struct Request {
     pub threads: usize,
     /// Replace the files of an earlier run.
     pub overwrite: bool,
+    /// Write every scan to this file too, as the core gets it, for replays by the firmware.
+    pub record: Option<PathBuf>,
     /// The results go into the folder of the sequence's name in here.
     pub out: PathBuf,
 }
@@ -151,42 +155,43 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
     let mut recorder = Recorder::new(request, &sequence, frames.clone(), ground_truth, folder)?;
     let mut mapping = Mapping::start(VoxelMap::new(config.map), request.threads);
+    let mut recording = request.record.as_deref().map(Recording::create).transpose()?;
     let mut stamps = Stamps::default();
     let mut recent = RecentMotion::default();
 
-    scans::in_order(
-        frames.clone(),
-        request.threads,
-        |frame| source.scan(frame),
-        |mut scan| {
-            if let Some(fault) = scan.fault.take() {
-                recorder.unreadable(scan.frame, &fault);
-            }
-            let (stamp_s, replaced) = stamps.next(sequence.stamp_s(scan.frame));
-            recorder.replaced_stamp(scan.frame, replaced);
+    let prepare = |frame| source.scan(frame);
+    scans::in_order(frames.clone(), request.threads, prepare, |mut scan| {
+        if let Some(fault) = scan.fault.take() {
+            recorder.unreadable(scan.frame, &fault);
+        }
+        let (stamp_s, replaced) = stamps.next(sequence.stamp_s(scan.frame));
+        recorder.replaced_stamp(scan.frame, replaced);
 
-            if config.input.deskew {
-                dataset::deskew(&mut scan.points, &recent.per_period());
-            }
-            let mut points = scan.labelled_points();
+        if config.input.deskew {
+            dataset::deskew(&mut scan.points, &recent.per_period());
+        }
+        let mut points = scan.labelled_points();
+        if let Some(recording) = &mut recording {
+            recording.add(stamp_s, &points)?;
+        }
 
-            let mut stopwatch = Stopwatch::start();
-            let mut labelled = LabelledScan { stamp_s, points: &mut points };
-            let estimate = odometry
-                .process_scan_observed(&mut labelled, &mut stopwatch)
-                .map_err(|source| RunError::Odometry { frame: scan.frame, source })?;
-            recorder.time(&stopwatch.stop());
+        let mut stopwatch = Stopwatch::start();
+        let mut labelled = LabelledScan { stamp_s, points: &mut points };
+        let estimate = odometry
+            .process_scan_observed(&mut labelled, &mut stopwatch)
+            .map_err(|source| RunError::Odometry { frame: scan.frame, source })?;
+        recorder.time(&stopwatch.stop());
 
-            recent.push(&estimate);
-            recorder.record(&scan, &points, &estimate, &odometry)?;
-            if !matches!(estimate.status, FrameStatus::Predicted(_)) {
-                mapping.add(points, estimate.map_from_sensor);
-            }
-            progress(scan.frame + 1 - frames.start, frames.len());
-            Ok::<_, RunError>(())
-        },
-    )?;
+        recent.push(&estimate);
+        recorder.record(&scan, &points, &estimate, &odometry)?;
+        if !matches!(estimate.status, FrameStatus::Predicted(_)) {
+            mapping.add(points, estimate.map_from_sensor);
+        }
+        progress(scan.frame + 1 - frames.start, frames.len());
+        Ok::<_, RunError>(())
+    })?;
 
+    recording.map_or(Ok(()), Recording::finish)?;
     recorder.finish(&sequence, &mapping.finish())
 }
 

@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Gets what run.sh needs and is missing: QEMU, the bare-metal targets, defmt-print. Says what it could not get; the exit code
+# is 3 then.
+set -uo pipefail
+missing=()
+
+have() { command -v "$1" >/dev/null; }
+if ! have qemu-system-arm || ! have qemu-system-aarch64; then
+    if have apt-get && [ "$(id -u)" = 0 ]; then
+        apt-get update -qq && apt-get install -y -qq --no-install-recommends qemu-system-arm >/dev/null
+    fi
+fi
+have qemu-system-arm || missing+=("qemu-system-arm (Debian, Ubuntu: apt-get install qemu-system-arm)")
+have qemu-system-aarch64 || missing+=("qemu-system-aarch64 (in the same package)")
+
+for target in thumbv7em-none-eabihf aarch64-unknown-none; do
+    [ -d "$(rustc --print target-libdir --target $target)" ] || rustup target add $target ||
+        missing+=("Rust's core library for $target (rustup target add $target)")
+done
+
+have defmt-print || [ -x "${CARGO_HOME:-$HOME/.cargo}/bin/defmt-print" ] ||
+    cargo install --quiet --locked defmt-print || missing+=("defmt-print (cargo install --locked defmt-print)")
+have readelf || missing+=("readelf (binutils)")
+
+if [ ${#missing[@]} -gt 0 ]; then
+    printf 'not there, and could not be got: %s\n' "${missing[@]}" >&2
+    exit 3
+fi
+echo "QEMU, targets and defmt-print are there"
