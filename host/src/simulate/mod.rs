@@ -3,6 +3,9 @@
 //! Everything follows from one seed, and the files do not depend on the number of threads. Plan, ground, houses,
 //! kerbsides and traffic are drawn first; then each ray of each scan is cast, with random numbers of its own.
 //!
+//! [`Options::demo`] and [`Options::town`] are fixed worlds to try the SLAM on; [`Options::randomised`] draws sensor, town
+//! and traffic from wide ranges, to train networks on.
+//!
 //! Scans are instantaneous at their stamps, as after motion compensation, and without KITTI's error of the vertical
 //! angle: run the odometry on them without its correction.
 
