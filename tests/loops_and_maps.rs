@@ -33,7 +33,8 @@ impl Town {
         Request {
             dataset: folder.join("data"),
             sequence: Options::demo().sequence,
-            labels: None,
+            classes: Default::default(),
+            record: None,
             first_frame: 0,
             end_frame: None,
             config: config(),

@@ -167,3 +167,35 @@ fn unwritable_place_is_named() {
     let error = simulate(&small(), &blocked, &mut |_, _| {}).expect_err("no folder can be made there");
     assert!(error.to_string().contains("file"), "{error}");
 }
+
+#[test]
+fn randomised_drives_differ_and_show_what_a_network_has_to_tell_apart() {
+    let folder = tempfile::tempdir().expect("folder");
+    let mut seen: BTreeMap<u32, usize> = BTreeMap::new();
+    let mut heights = vec![];
+    for seed in 1..4 {
+        let mut options = Options { frames: 5, threads: 2, ..Options::randomised(seed) };
+        options.sensor.columns = 500;
+        drive(&options, folder.path());
+        let sequence = Sequence::open(folder.path(), &options.sequence, None).expect("opens");
+        assert!((sequence.stamp_s(4) - 4.0).abs() < 1e-9);
+        let poses = sequence.ground_truth().expect("reads").expect("has poses");
+        let step_m = (poses[1].translation.vector - poses[0].translation.vector).norm();
+        assert!((3.0..12.0).contains(&step_m), "{step_m}");
+        for frame in 0..5 {
+            let scan = sequence.read(frame).expect("reads");
+            let ground = scan.points.iter().zip(scan.labels.as_ref().expect("has labels"));
+            heights
+                .push(ground.filter(|(_, label)| **label == 40).map(|(p, _)| p[2]).fold(f32::MAX, f32::min));
+            for label in scan.labels.expect("has labels") {
+                *seen.entry(label & 0xffff).or_default() += 1;
+            }
+        }
+    }
+    for id in [10, 11, 30, 40, 48, 50, 70, 71, 72, 80, 81] {
+        assert!(seen.contains_key(&id), "no point of class {id}: {seen:?}");
+    }
+    let spread =
+        heights.iter().copied().fold(f32::MIN, f32::max) - heights.iter().copied().fold(f32::MAX, f32::min);
+    assert!(spread > 0.05, "all sensors at the same height: {heights:?}");
+}

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use sdslam::config::HostConfig;
-use sdslam::run::{self, Request};
+use sdslam::run::{self, ClassSource, Request};
 use sdslam::simulate::{self, Options};
 use tempfile::TempDir;
 
@@ -47,7 +47,7 @@ impl SimulatedDrive {
         let request = Request {
             dataset: self.folder.path().into(),
             sequence: self.sequence.clone(),
-            labels: None,
+            classes: ClassSource::default(),
             first_frame: 0,
             end_frame: None,
             config,

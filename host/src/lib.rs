@@ -10,5 +10,6 @@ pub mod loops;
 pub mod pose_graph;
 pub mod run;
 pub mod saved_map;
+pub mod segmentation;
 pub mod semantic_map;
 pub mod simulate;

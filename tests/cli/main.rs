@@ -3,5 +3,6 @@
 mod commands;
 mod faults;
 mod runs;
+mod segmentation;
 mod simulation;
 mod support;

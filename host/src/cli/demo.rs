@@ -6,7 +6,7 @@ use super::progress::Progress;
 use super::run::run_with_progress;
 use super::{CliError, print};
 use crate::config::HostConfig;
-use crate::run::{Request, Summary};
+use crate::run::{ClassSource, Request, Summary};
 use crate::simulate::{self, Options};
 
 /// Simulate a short drive and run the SLAM on it.
@@ -62,7 +62,7 @@ impl Args {
         Request {
             dataset: self.out.join("drive"),
             sequence,
-            labels: None,
+            classes: ClassSource::default(),
             first_frame: 0,
             end_frame: None,
             config,

@@ -4,6 +4,7 @@ use crate::config::ConfigError;
 use crate::dataset::DatasetError;
 use crate::evaluate::EvaluateError;
 use crate::run::RunError;
+use crate::segmentation::SegmentationError;
 use crate::simulate::SimulateError;
 
 /// Why a command failed.
@@ -22,6 +23,9 @@ pub enum CliError {
     /// A run stopped.
     #[error(transparent)]
     Run(#[from] RunError),
+    /// A network cannot be used.
+    #[error(transparent)]
+    Segmentation(#[from] SegmentationError),
     /// Two things cannot be compared.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
@@ -47,6 +51,7 @@ impl CliError {
             | Self::Evaluate(EvaluateError::Option { .. })
             | Self::Simulate(SimulateError::Parameter { .. }) => USAGE,
             Self::Dataset(_)
+            | Self::Segmentation(_)
             | Self::Evaluate(_)
             | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_) | RunError::SavedMap(_)) => INPUT,
             Self::Simulate(_) | Self::Run(RunError::Output(_)) | Self::Stdout(_) => OUTPUT,

@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use super::classes::ClassArgs;
 use super::frames::FrameRange;
 use super::progress::Progress;
 use super::run::Options;
+use super::segment::ThreadArgs;
 use super::{CliError, print};
 use crate::localise::Start;
 use crate::run::{self, LocaliseRequest, Request};
@@ -28,9 +30,8 @@ pub(super) struct Args {
     /// Name of the sequence, e.g. 07.
     #[arg(long, value_name = "NN")]
     sequence: String,
-    /// Folder of the label files within the sequence.
-    #[arg(long, value_name = "FOLDER", default_value = "labels")]
-    labels: String,
+    #[command(flatten)]
+    classes: ClassArgs,
     /// Where the vehicle is at first: `global` (anywhere in the map) or X,Y,YAW in the map [m, m, deg], good to about
     /// a metre and 5 deg.
     #[arg(long, value_name = "POSE", default_value = "global", allow_hyphen_values = true)]
@@ -46,6 +47,8 @@ pub(super) struct Args {
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
+    #[command(flatten)]
+    threads: ThreadArgs,
 }
 
 /// Where to begin, as it is typed.
@@ -81,15 +84,16 @@ impl Args {
 
     fn request(self) -> Result<LocaliseRequest, CliError> {
         let frames = self.frames.unwrap_or(FrameRange { first: 0, end: None });
+        let classes = self.classes.source(&self.dataset, &self.sequence)?;
         let drive = Request {
             record: None,
             config: self.options.config()?,
             dataset: self.dataset,
             sequence: self.sequence,
-            labels: Some(self.labels),
+            classes,
             first_frame: frames.first,
             end_frame: frames.end,
-            threads: 2,
+            threads: self.threads.count(),
             save_map: None,
             overwrite: self.overwrite,
             out: self.out,

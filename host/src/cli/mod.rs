@@ -1,5 +1,6 @@
 //! The command line: what was typed, checked and carried out. It prints; the rest of the library does not.
 
+mod classes;
 mod config;
 mod demo;
 mod error;
@@ -8,6 +9,7 @@ mod frames;
 mod localize;
 mod progress;
 mod run;
+mod segment;
 mod simulate;
 
 use std::io::{self, Write};
@@ -22,11 +24,11 @@ Exit codes: 0 done; 1 the program failed; 2 the command line is wrong; 3 the inp
 
 Try it with nothing but this program:  sdslam demo";
 
-/// SD-SLAM: semantic LiDAR SLAM for dynamic scenes. Labelled LiDAR scans in; trajectory, what moves, and a static
-/// semantic map out.
+/// SD-SLAM: semantic LiDAR SLAM for dynamic scenes. LiDAR scans in; trajectory, what moves, and a static semantic map out.
 ///
-/// Drives are in KITTI odometry layout with SemanticKITTI labels: the folders velodyne and labels and the files calib.txt
-/// and times.txt in DATASET/sequences/NN and, for ground truth, DATASET/poses/NN.txt.
+/// Drives are in KITTI odometry layout: the folder velodyne and the files calib.txt and times.txt in DATASET/sequences/NN
+/// and, for ground truth, DATASET/poses/NN.txt. SemanticKITTI labels in the folder labels are used where they are there;
+/// else a network segments the scans.
 #[derive(Debug, Parser)]
 #[command(name = "sdslam", version, after_help = AFTER_HELP)]
 pub struct Cli {
@@ -38,6 +40,7 @@ pub struct Cli {
 enum Command {
     Run(run::Args),
     Localize(localize::Args),
+    Segment(segment::Args),
     Evaluate(evaluate::Args),
     Simulate(simulate::Args),
     Demo(demo::Args),
@@ -60,6 +63,7 @@ impl Cli {
         match self.command {
             Command::Run(args) => args.execute(),
             Command::Localize(args) => args.execute(),
+            Command::Segment(args) => args.execute(),
             Command::Evaluate(args) => args.execute(),
             Command::Simulate(args) => args.execute(),
             Command::Demo(args) => args.execute(),

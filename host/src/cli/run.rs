@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
+use super::classes::ClassArgs;
 use super::frames::FrameRange;
 use super::progress::Progress;
+use super::segment::ThreadArgs;
 use super::{CliError, print};
 use crate::config::{HostConfig, Preset};
 use crate::run::{self, Request, Summary};
@@ -11,9 +13,13 @@ use crate::run::{self, Request, Summary};
 /// Run the SLAM on a drive.
 ///
 /// Reads DATASET/sequences/NN and writes to OUT/NN: poses_kitti.txt (camera frame), poses_tum.txt (sensor frame),
-/// poses_odometry.txt, loops.csv, graph.g2o,
-/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, map.pcd, map.png, grid.pgm, grid.yaml, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
-/// of the results is printed at the end.
+/// poses_odometry.txt, loops.csv, graph.g2o, metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, map.pcd, map.png,
+/// grid.pgm, grid.yaml, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table of the results is printed at
+/// the end.
+///
+/// Every point needs a class. It comes from label files with --labels; from a network with --model or --segment; else from
+/// the folder labels of the sequence, or, where there is none, from the network that is part of this program. The table
+/// and run.log say which.
 ///
 /// A scan that is missing or broken in the middle of a drive does not stop the run: its pose is predicted, and run.log
 /// names it.
@@ -27,9 +33,8 @@ pub(super) struct Args {
     /// Name of the sequence, e.g. 07.
     #[arg(long, value_name = "NN")]
     sequence: String,
-    /// Folder of the label files within the sequence.
-    #[arg(long, value_name = "FOLDER", default_value = "labels")]
-    labels: String,
+    #[command(flatten)]
+    classes: ClassArgs,
     /// Where the results go: into the folder OUT/NN.
     #[arg(long, value_name = "OUT")]
     out: PathBuf,
@@ -47,10 +52,8 @@ pub(super) struct Args {
     /// Also record every scan as the core gets it, for sdslam-firmware-sim and boards; replaces the file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
-    /// Threads: 1 does one thing after the other; with 2 or more the next scan is read and the map grows while the core
-    /// works. The results are the same.
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
-    threads: u16,
+    #[command(flatten)]
+    threads: ThreadArgs,
 }
 
 /// How to run.
@@ -100,14 +103,15 @@ impl Args {
 
     fn request(self) -> Result<Request, CliError> {
         let frames = self.frames.unwrap_or(FrameRange { first: 0, end: None });
+        let classes = self.classes.source(&self.dataset, &self.sequence)?;
         Ok(Request {
             config: self.options.config()?,
             dataset: self.dataset,
             sequence: self.sequence,
-            labels: Some(self.labels),
+            classes,
             first_frame: frames.first,
             end_frame: frames.end,
-            threads: self.threads.into(),
+            threads: self.threads.count(),
             save_map: self.save_map,
             overwrite: self.overwrite,
             record: self.record,

@@ -21,7 +21,7 @@ pub(super) struct Args {
     /// Everything random follows from this number.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Number of scans, 0.1 s apart. Default: that of the preset.
+    /// Number of scans. Default: that of the preset.
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
     /// Name of the sequence. Default: that of the preset.
@@ -30,9 +30,9 @@ pub(super) struct Args {
     /// The town and the way through it.
     #[arg(long, value_name = "PRESET", default_value = "demo")]
     preset: Drive,
-    /// How much traffic there is.
-    #[arg(long, value_name = "TRAFFIC", default_value = "normal")]
-    traffic: TrafficArg,
+    /// How much traffic there is. Default: that of the preset.
+    #[arg(long, value_name = "TRAFFIC")]
+    traffic: Option<TrafficArg>,
     /// Speed on a straight street [m/s], 1 to 20. Default: that of the preset.
     #[arg(long, value_name = "M/S")]
     speed: Option<f64>,
@@ -53,6 +53,9 @@ enum Drive {
     Demo,
     /// 120 s through a larger town, with several loops.
     Town,
+    /// 12 scans a second apart; sensor, streets, buildings, plants and traffic are drawn from wide ranges. For
+    /// training networks: see host/model.
+    Random,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -78,14 +81,16 @@ impl Args {
         let mut options = match self.preset {
             Drive::Demo => Options::demo(),
             Drive::Town => Options::town(),
+            Drive::Random => Options::randomised(self.seed),
         };
         options.seed = self.seed;
         options.threads = self.threads;
         options.overwrite = self.overwrite;
         options.traffic = match self.traffic {
-            TrafficArg::None => Traffic::None,
-            TrafficArg::Normal => Traffic::Normal,
-            TrafficArg::Heavy => Traffic::Heavy,
+            None => options.traffic,
+            Some(TrafficArg::None) => Traffic::None,
+            Some(TrafficArg::Normal) => Traffic::Normal,
+            Some(TrafficArg::Heavy) => Traffic::Heavy,
         };
         options.frames = self.frames.unwrap_or(options.frames);
         options.sequence = self.sequence.clone().unwrap_or(options.sequence);

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use sdslam_core::SemanticClass;
+use sdslam_core::SemanticClass::{self, *};
 use serde::Serialize;
 
 use super::EvaluateError;
@@ -11,6 +11,15 @@ use crate::dataset::{self, DatasetError, labels};
 
 /// Classes of the single-scan benchmark; class 0 is ignored in the ground truth.
 const CLASSES: usize = 20;
+/// Classes that only matter together: where one of a group is taken for another, the SLAM does the same.
+const GROUPS: [(&str, &[SemanticClass]); 6] = [
+    ("ground", &[Road, Parking, Sidewalk, OtherGround, Terrain]),
+    ("building, fence", &[Building, Fence]),
+    ("vegetation", &[Vegetation]),
+    ("trunk, pole, sign", &[Trunk, Pole, TrafficSign]),
+    ("vehicle", &[Car, Truck, OtherVehicle]),
+    ("person, cyclist", &[Person, Bicyclist, Motorcyclist]),
+];
 /// Kinds of motion: unknown (ignored in the ground truth), static, moving.
 const MOTIONS: usize = 3;
 const MOVING: usize = 2;
@@ -39,6 +48,10 @@ pub struct LabelErrors {
     pub accuracy: f64,
     /// Per class.
     pub classes: Vec<ClassIou>,
+    /// Mean IoU over the groups that occur on either side.
+    pub mean_iou_of_groups: f64,
+    /// Per group of classes: ground, building and fence, vegetation, trunk, pole and sign, vehicle, person and cyclist.
+    pub groups: Vec<ClassIou>,
     /// IoU of moving points; true labels 0 and 1 are ignored.
     pub moving_iou: f64,
     /// Share of the truly moving points that were called moving.
@@ -49,14 +62,14 @@ pub struct LabelErrors {
     pub moving_points: u64,
 }
 
-/// Intersection over union of one class.
+/// Intersection over union of one class or group of classes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ClassIou {
-    /// SemanticKITTI's name.
+    /// SemanticKITTI's name, or the group's.
     pub class: &'static str,
     /// From 0 to 1.
     pub iou: f64,
-    /// Points of the class in the ground truth.
+    /// Points of the class or group in the ground truth.
     pub points: u64,
 }
 
@@ -77,8 +90,6 @@ impl LabelConfusion {
     /// The measures over everything counted so far; the numbers of scans are left at 0.
     pub fn errors(&self) -> LabelErrors {
         let classes: Vec<_> = (1..CLASSES).map(|class| self.classes.of(class)).collect();
-        let present: Vec<_> =
-            classes.iter().filter(|class| class.union() > 0).map(ClassCounts::iou).collect();
         let sum = |count: fn(&ClassCounts) -> u64| classes.iter().map(count).sum::<u64>();
         let moving = self.motions.of(MOVING);
         let named = |(index, class): (usize, &ClassCounts)| ClassIou {
@@ -86,18 +97,20 @@ impl LabelConfusion {
             iou: class.iou(),
             points: class.truly(),
         };
+        let groups = GROUPS.map(|(name, members)| (name, self.classes.of_group(members)));
         LabelErrors {
             scans: 0,
             scans_without_labels: 0,
             points: sum(ClassCounts::truly),
             mean_iou: classes.iter().map(ClassCounts::iou).sum::<f64>() / classes.len() as f64,
-            mean_iou_of_present: if present.is_empty() {
-                0.0
-            } else {
-                present.iter().sum::<f64>() / present.len() as f64
-            },
+            mean_iou_of_present: mean_iou_of_present(classes.iter()),
             accuracy: fraction(sum(|class| class.right), sum(|class| class.right + class.wrongly)),
             classes: classes.iter().enumerate().map(named).collect(),
+            mean_iou_of_groups: mean_iou_of_present(groups.iter().map(|(_, group)| group)),
+            groups: groups
+                .iter()
+                .map(|(class, group)| ClassIou { class, iou: group.iou(), points: group.truly() })
+                .collect(),
             moving_iou: moving.iou(),
             moving_recall: fraction(moving.right, moving.truly()),
             moving_precision: fraction(moving.right, moving.right + moving.wrongly),
@@ -172,6 +185,18 @@ impl<const N: usize> Confusion<N> {
         let truly: u64 = self.0[class].iter().sum();
         ClassCounts { right, wrongly: claimed - right, missed: truly - right }
     }
+
+    /// Some classes as if they were one.
+    fn of_group(&self, members: &[SemanticClass]) -> ClassCounts {
+        let (mut right, mut claimed, mut truly) = (0, 0, 0);
+        for &member in members {
+            let class = self.of(member as usize);
+            claimed += class.right + class.wrongly;
+            truly += class.truly();
+            right += members.iter().map(|&other| self.0[member as usize][other as usize]).sum::<u64>();
+        }
+        ClassCounts { right, wrongly: claimed - right, missed: truly - right }
+    }
 }
 
 impl ClassCounts {
@@ -186,6 +211,12 @@ impl ClassCounts {
     fn iou(&self) -> f64 {
         fraction(self.right, self.union())
     }
+}
+
+/// Over those that occur on either side; 0 if none does.
+fn mean_iou_of_present<'a>(classes: impl Iterator<Item = &'a ClassCounts>) -> f64 {
+    let present: Vec<_> = classes.filter(|class| class.union() > 0).map(ClassCounts::iou).collect();
+    if present.is_empty() { 0.0 } else { present.iter().sum::<f64>() / present.len() as f64 }
 }
 
 fn fraction(part: u64, whole: u64) -> f64 {
@@ -207,6 +238,10 @@ impl fmt::Display for LabelErrors {
         writeln!(f, "accuracy        {:.4}", self.accuracy)?;
         for class in &self.classes {
             writeln!(f, "  {:14} {:.4}  ({} points)", class.class, class.iou, class.points)?;
+        }
+        writeln!(f, "mean IoU of groups {:.4}", self.mean_iou_of_groups)?;
+        for group in &self.groups {
+            writeln!(f, "  {:17} {:.4}  ({} points)", group.class, group.iou, group.points)?;
         }
         Ok(())
     }

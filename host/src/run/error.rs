@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use sdslam_core::{OdometryError, ParameterError};
 
+use super::ScanFault;
 use crate::config::ConfigError;
 use crate::dataset::DatasetError;
 use crate::evaluate::EvaluateError;
@@ -17,9 +18,9 @@ pub enum RunError {
     /// The drive cannot be read.
     #[error("cannot read the drive")]
     Dataset(#[from] DatasetError),
-    /// The first scan cannot be read: there is nothing to start from.
-    #[error("cannot read the first scan of the run")]
-    FirstScan(#[source] DatasetError),
+    /// The first scan cannot be read or segmented: there is nothing to start from.
+    #[error("cannot use the first scan of the run")]
+    FirstScan(#[source] ScanFault),
     /// The range of frames does not lie in the drive.
     #[error("frames {first}..{end} are not in the drive, which has {available} frames (0..{available})")]
     Frames {

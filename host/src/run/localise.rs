@@ -12,10 +12,10 @@ use serde::Serialize;
 
 use super::journal::Journal;
 use super::output::OutputFolder;
-use super::scans::{self, InputScan, Stamps};
+use super::scans::{self, ScanSource, Stamps};
 use super::stopwatch::Milliseconds;
-use super::{RecentMotion, Request, RunError};
-use crate::dataset::{self, Sequence, trajectory};
+use super::{RecentMotion, Request, RunError, frames_of};
+use crate::dataset::{self, trajectory};
 use crate::heap::on_heap;
 use crate::localise::{Localisation, LocalisationStatus, Localiser, Start};
 use crate::saved_map::SavedMap;
@@ -79,9 +79,11 @@ pub fn localise(
     let drive = &request.drive;
     let config = &drive.config;
     let saved = SavedMap::load(&request.map)?;
-    let sequence = Sequence::open(&drive.dataset, &drive.sequence, drive.labels.as_deref())?;
-    let frames = drive.frames(&sequence)?;
-    sequence.read(frames.start).map_err(RunError::FirstScan)?;
+    let sequence = drive.classes.open(&drive.dataset, &drive.sequence)?;
+    let frames = frames_of(&sequence, drive.first_frame, drive.end_frame)?;
+    let source =
+        ScanSource { sequence: &sequence, config: &config.input, segmenter: drive.classes.segmenter() };
+    source.try_scan(frames.start).map_err(RunError::FirstScan)?;
     let core = config.core;
     let mut odometry = on_heap(move || FullScanOdometry::new(core))?;
     let folder = OutputFolder::create(&drive.out.join(&drive.sequence), drive.overwrite)?;
@@ -89,7 +91,8 @@ pub fn localise(
     let mut log = Log::new(drive);
     let (mut stamps, mut recent) = (Stamps::default(), RecentMotion::default());
 
-    scans::for_each_scan(&sequence, frames.clone(), &config.input, drive.threads, |mut scan: InputScan| {
+    let prepare = |frame| source.scan(frame);
+    scans::in_order(frames.clone(), drive.threads, prepare, |mut scan| {
         if let Some(fault) = scan.fault.take() {
             log.journal.fault(scan.frame, &fault);
         }
@@ -110,7 +113,7 @@ pub fn localise(
         let found = localiser.add(&points, &estimate.map_from_sensor);
         log.add(scan.frame, stamp_s, &found, started.elapsed().as_secs_f32() * 1e3);
         progress(scan.frame + 1 - frames.start, frames.len());
-        Ok(())
+        Ok::<_, RunError>(())
     })?;
     log.finish(drive, &folder)
 }

@@ -23,9 +23,11 @@
 //! The map frame is the sensor frame of the first scan. `landmarks.csv` and `trajectory.svg` are in the frame of the odometry. Only `metrics.json`, `ms.txt` and `cpu_ms.txt` hold times of this machine:
 //! the others are the same, byte for byte, from run to run and for any number of threads.
 //!
-//! A scan that is missing or cannot be read becomes an empty one at its stamp, so its pose is the prediction and every
-//! frame keeps its line; its `motion` file is left out. A stamp that does not go forward is replaced by the one before
-//! plus 0.1 s. Both are counted and logged. The first scan must be readable.
+//! Classes come from label files or from a segmentation network ([`ClassSource`]); run.log says which.
+//!
+//! A scan that is missing, cannot be read or has nothing to segment becomes an empty one at its stamp, so its pose is the
+//! prediction and every frame keeps its line; its `motion` file is left out. A stamp that does not go forward is replaced by
+//! the one before plus 0.1 s. Both are counted and logged. The first scan must be usable.
 
 mod error;
 mod journal;
@@ -36,27 +38,32 @@ mod picture;
 mod record;
 mod recording;
 mod scans;
+mod segment;
 mod stopwatch;
 mod summary;
 mod tally;
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use sdslam_core::{FrameEstimate, FullScanOdometry, LabelledScan, MapPose};
 
 use crate::config::HostConfig;
-use crate::dataset::{self, Sequence};
+use crate::dataset::{self, DatasetError, Sequence};
 use crate::heap::on_heap;
 use crate::loops::{BackEnd, BackEndScan, Beside};
 use crate::saved_map::SavedMap;
+use crate::segmentation::Segmenter;
 pub use error::{OutputError, RunError};
 pub use localise::{LocaliseRequest, LocaliseSummary, localise};
 pub use motion::MovingLandmarks;
 use output::OutputFolder;
 use record::Recorder;
 use recording::Recording;
-use scans::Stamps;
+pub use scans::ScanFault;
+use scans::{ScanSource, Stamps};
+pub use segment::{SegmentRequest, SegmentSummary, segment};
 pub use stopwatch::Milliseconds;
 use stopwatch::Stopwatch;
 pub use summary::{MovingScore, Summary};
@@ -68,15 +75,16 @@ pub struct Request {
     pub dataset: PathBuf,
     /// Name of the sequence, e.g. `07`.
     pub sequence: String,
-    /// Folder of the labels within the sequence; `labels` if none.
-    pub labels: Option<String>,
+    /// Where the class of every point comes from.
+    pub classes: ClassSource,
     /// First frame of the run.
     pub first_frame: usize,
     /// End of the frames, itself not in the run; all if none.
     pub end_frame: Option<usize>,
     /// Every parameter.
     pub config: HostConfig,
-    /// 1: one thing after the other; more: the next scan is read and the map grows meanwhile. The results are the same.
+    /// 1: one thing after the other; more: the others read and segment later scans, and the map grows meanwhile. The
+    /// results are the same.
     pub threads: usize,
     /// Where the map is saved for later drives, if it is.
     pub save_map: Option<PathBuf>,
@@ -88,26 +96,67 @@ pub struct Request {
     pub out: PathBuf,
 }
 
-impl Request {
-    fn frames(&self, sequence: &Sequence) -> Result<Range<usize>, RunError> {
-        let available = sequence.len();
-        let (first, end) = (self.first_frame, self.end_frame.unwrap_or(available));
-        if first < end && end <= available {
-            Ok(first..end)
-        } else {
-            Err(RunError::Frames { first, end, available })
+/// Where the class of every point comes from.
+#[derive(Clone, Debug)]
+pub enum ClassSource {
+    /// SemanticKITTI label files in this folder within the sequence.
+    Labels(String),
+    /// A segmentation network.
+    Network(Arc<Segmenter>),
+}
+
+impl Default for ClassSource {
+    fn default() -> Self {
+        Self::Labels("labels".into())
+    }
+}
+
+impl ClassSource {
+    fn open(&self, dataset: &Path, sequence: &str) -> Result<Sequence, DatasetError> {
+        match self {
+            Self::Labels(folder) => Sequence::open(dataset, sequence, Some(folder)),
+            Self::Network(_) => Sequence::open_unlabelled(dataset, sequence),
         }
+    }
+
+    fn segmenter(&self) -> Option<&Segmenter> {
+        match self {
+            Self::Labels(_) => None,
+            Self::Network(segmenter) => Some(segmenter),
+        }
+    }
+}
+
+impl std::fmt::Display for ClassSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Labels(folder) => write!(f, "label files in the folder {folder}"),
+            Self::Network(segmenter) => segmenter.fmt(f),
+        }
+    }
+}
+
+/// The frames from `first` up to `end` (all that follow if none), if the drive has them.
+fn frames_of(sequence: &Sequence, first: usize, end: Option<usize>) -> Result<Range<usize>, RunError> {
+    let available = sequence.len();
+    let end = end.unwrap_or(available);
+    if first < end && end <= available {
+        Ok(first..end)
+    } else {
+        Err(RunError::Frames { first, end, available })
     }
 }
 
 /// Runs the SLAM on a drive; `progress` is told the frames done and their number.
 pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<Summary, RunError> {
     let config = &request.config;
-    let sequence = Sequence::open(&request.dataset, &request.sequence, request.labels.as_deref())?;
-    let frames = request.frames(&sequence)?;
+    let sequence = request.classes.open(&request.dataset, &request.sequence)?;
+    let frames = frames_of(&sequence, request.first_frame, request.end_frame)?;
     let ground_truth = sequence.ground_truth()?;
+    let source =
+        ScanSource { sequence: &sequence, config: &config.input, segmenter: request.classes.segmenter() };
     // Without the first scan there is nothing to start from, and nothing is written.
-    sequence.read(frames.start).map_err(RunError::FirstScan)?;
+    source.try_scan(frames.start).map_err(RunError::FirstScan)?;
     let core = config.core;
     let mut odometry = on_heap(move || FullScanOdometry::new(core))?;
     let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
@@ -119,7 +168,8 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     let mut stamps = Stamps::default();
     let mut recent = RecentMotion::default();
 
-    scans::for_each_scan(&sequence, frames.clone(), &config.input, request.threads, |mut scan| {
+    let prepare = |frame| source.scan(frame);
+    scans::in_order(frames.clone(), request.threads, prepare, |mut scan| {
         if let Some(fault) = scan.fault.take() {
             recorder.unreadable(scan.frame, &fault);
         }
@@ -145,7 +195,7 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
         recorder.record(&scan, &points, &estimate, &odometry)?;
         back_end.add(BackEndScan { intensities: scan.intensities(), points, estimate })?;
         progress(scan.frame + 1 - frames.start, frames.len());
-        Ok(())
+        Ok::<_, RunError>(())
     })?;
 
     recording.map_or(Ok(()), Recording::finish)?;

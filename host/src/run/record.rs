@@ -11,13 +11,14 @@ use super::journal::Journal;
 use super::motion::{self, Movers, MovingLandmarks};
 use super::output::{OutputFolder, PendingFile};
 use super::picture::Picture;
-use super::scans::InputScan;
+use super::scans::{InputScan, ScanFault};
+use super::segment::SegmentationLog;
 use super::stopwatch::{FrameTimes, Times};
 use super::summary::{Metrics, MovingScore, Summary};
 use super::tally::{self, Tally};
-use super::{Request, RunError};
+use super::{ClassSource, Request, RunError};
 use crate::config::HostConfig;
-use crate::dataset::{DatasetError, Sequence, labels, trajectory};
+use crate::dataset::{Sequence, labels, trajectory};
 use crate::evaluate::{self, LabelConfusion, TrajectoryErrors};
 use crate::loops::BackEndResult;
 
@@ -27,6 +28,7 @@ pub(super) struct Recorder {
     motion_folder: OutputFolder,
     landmarks_csv: PendingFile,
     config: HostConfig,
+    classes: ClassSource,
     frames: Range<usize>,
     started: Instant,
     /// Ground truth in the camera frame, from the first frame of the run on.
@@ -34,6 +36,7 @@ pub(super) struct Recorder {
     stamps_s: Vec<f64>,
     map_from_sensor: Vec<MapPose>,
     times: Times,
+    segmentation: SegmentationLog,
     tally: Tally,
     movers: Movers,
     moving_landmarks: MovingLandmarks,
@@ -58,11 +61,13 @@ impl Recorder {
             folder,
             landmarks_csv,
             config: request.config.clone(),
+            classes: request.classes.clone(),
             started: Instant::now(),
             ground_truth,
             stamps_s: Vec::new(),
             map_from_sensor: Vec::new(),
             times: Times::default(),
+            segmentation: SegmentationLog::default(),
             tally: Tally::default(),
             movers: Movers::default(),
             moving_landmarks: MovingLandmarks::default(),
@@ -81,6 +86,7 @@ impl Recorder {
         let version = env!("CARGO_PKG_VERSION");
         self.journal
             .note(format_args!("sdslam {version}: sequence {name}, frames {start}..{end}, {preset} preset"));
+        self.journal.note(format_args!("classes: {}", request.classes));
         if !sequence.has_times() {
             self.journal.note("times.txt is missing: scans are taken to be 0.1 s apart");
         }
@@ -97,8 +103,8 @@ impl Recorder {
         }
     }
 
-    /// A scan could not be read.
-    pub(super) fn unreadable(&mut self, frame: usize, fault: &DatasetError) {
+    /// A scan could not be read or segmented.
+    pub(super) fn unreadable(&mut self, frame: usize, fault: &ScanFault) {
         self.tally.unreadable_scans += 1;
         self.journal.fault(frame, fault);
     }
@@ -127,6 +133,7 @@ impl Recorder {
         self.stamps_s.push(estimate.stamp_s);
         self.map_from_sensor.push(*pose);
         self.tally.add(estimate);
+        self.segmentation.extend(scan.segmentation);
         self.log(scan.frame, estimate);
 
         let tracks: Vec<TrackReport> = odometry.tracks().collect();
@@ -235,6 +242,8 @@ impl Recorder {
             loops: result.counts,
             core_ms: self.times.total(),
             core_cpu_ms: self.times.cpu(),
+            classes: self.classes.to_string(),
+            segmentation_cpu_ms: self.segmentation.times(),
             scans_per_s: self.frames.len() as f64 / self.started.elapsed().as_secs_f64(),
             dynamic: self.movers.count(MotionState::Dynamic),
             semi_static: self.movers.count(MotionState::SemiStatic),
@@ -274,6 +283,8 @@ impl Recorder {
             core_ms: summary.core_ms,
             core_cpu_ms: summary.core_cpu_ms,
             core_ms_per_stage: self.times.stages(),
+            classes: &summary.classes,
+            segmentation_cpu_ms: summary.segmentation_cpu_ms.as_ref(),
             scans_per_s: summary.scans_per_s,
             counts: &self.tally,
         }

@@ -1,21 +1,33 @@
-//! Scans in the order of the drive, the next one read while the core works on this one.
+//! Scans in the order of the drive; later ones are read, and segmented, while the core works on this one.
 
 use std::ops::Range;
 use std::sync::mpsc;
 
 use sdslam_core::{LabelledPoint, SemanticClass};
 
-use super::RunError;
 use crate::config::InputConfig;
 use crate::dataset::{self, DatasetError, RawScan, Sequence, labels};
+use crate::segmentation::{SegmentationError, SegmentationTimes, Segmenter};
 
 /// Time between two scans of a sensor that turns ten times a second \[s\].
 pub(super) const PERIOD_S: f64 = 0.1;
 
-/// Scans read ahead at most: bounds the memory when reading is faster than the core.
-const READ_AHEAD: usize = 2;
+/// Scans that wait per thread: bounds the memory when preparing is faster than the core.
+const WAITING: usize = 1;
+
+/// Why a scan is of no use.
+#[derive(Debug, thiserror::Error)]
+pub enum ScanFault {
+    /// It cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] DatasetError),
+    /// It cannot be segmented.
+    #[error("cannot segment the scan")]
+    Unsegmented(#[from] SegmentationError),
+}
 
 /// One scan as it goes into the pipeline.
+#[derive(Default)]
 pub(super) struct InputScan {
     /// Frame number in the drive.
     pub frame: usize,
@@ -27,25 +39,66 @@ pub(super) struct InputScan {
     pub labels: Vec<u32>,
     /// Class of every point.
     pub classes: Vec<SemanticClass>,
-    /// Why the scan could not be read; it is empty then.
-    pub fault: Option<DatasetError>,
+    /// Confidence of every class, 255 = certain.
+    pub confidences: Vec<u8>,
+    /// What the segmentation took, where there was one.
+    pub segmentation: Option<SegmentationTimes>,
+    /// Why the scan is of no use; it is empty then.
+    pub fault: Option<ScanFault>,
+}
+
+/// Where scans and their classes come from.
+#[derive(Clone, Copy)]
+pub(super) struct ScanSource<'a> {
+    pub sequence: &'a Sequence,
+    pub config: &'a InputConfig,
+    /// None: classes are those of the label files.
+    pub segmenter: Option<&'a Segmenter>,
+}
+
+impl ScanSource<'_> {
+    /// The scan of a frame; an empty one with the reason where there is none.
+    pub(super) fn scan(&self, frame: usize) -> InputScan {
+        let scan = self.try_scan(frame);
+        let scan = scan.unwrap_or_else(|fault| InputScan { fault: Some(fault), ..InputScan::default() });
+        InputScan { frame, file_number: self.sequence.file_number(frame), ..scan }
+    }
+
+    /// The scan of a frame.
+    pub(super) fn try_scan(&self, frame: usize) -> Result<InputScan, ScanFault> {
+        let raw = self.sequence.read(frame)?;
+        let mut scan = match self.segmenter {
+            // An empty scan is no fault of the network's; the core says what it is.
+            Some(segmenter) if !raw.points.is_empty() => segmented(segmenter, &raw.points)?,
+            _ => labelled(&raw),
+        };
+        scan.points = raw.points;
+        if self.config.elevation_correction_deg != 0.0 {
+            dataset::correct_elevation(&mut scan.points, self.config.elevation_correction_deg);
+        }
+        Ok(scan)
+    }
+}
+
+fn labelled(raw: &RawScan) -> InputScan {
+    let labels = raw.labels.clone().unwrap_or_else(|| vec![0; raw.points.len()]);
+    let classes = labels.iter().map(|&raw| labels::class_of(raw)).collect();
+    let confidences = vec![u8::MAX; labels.len()];
+    InputScan { labels, classes, confidences, ..InputScan::default() }
+}
+
+fn segmented(segmenter: &Segmenter, points: &[[f32; 4]]) -> Result<InputScan, SegmentationError> {
+    let segmentation = segmenter.segment(points)?;
+    Ok(InputScan {
+        labels: segmentation.raw_labels(),
+        classes: segmentation.classes,
+        confidences: segmentation.confidences,
+        segmentation: Some(segmentation.times),
+        ..InputScan::default()
+    })
 }
 
 impl InputScan {
-    fn read(sequence: &Sequence, frame: usize, config: &InputConfig) -> Self {
-        let (raw, fault) = match sequence.read(frame) {
-            Ok(raw) => (raw, None),
-            Err(fault) => (RawScan::default(), Some(fault)),
-        };
-        let mut points = raw.points;
-        if config.elevation_correction_deg != 0.0 {
-            dataset::correct_elevation(&mut points, config.elevation_correction_deg);
-        }
-        let labels = raw.labels.unwrap_or_else(|| vec![0; points.len()]);
-        let classes = labels.iter().map(|&raw| labels::class_of(raw)).collect();
-        Self { frame, file_number: sequence.file_number(frame), points, labels, classes, fault }
-    }
-
     /// Intensity of every point.
     pub(super) fn intensities(&self) -> Vec<f32> {
         self.points.iter().map(|point| point[3]).collect()
@@ -53,30 +106,42 @@ impl InputScan {
 
     /// What the core takes: position and class of every point, in the order of the file.
     pub(super) fn labelled_points(&self) -> Vec<LabelledPoint> {
-        let position = |p: &[f32; 4]| [p[0], p[1], p[2]];
-        let pairs = self.points.iter().zip(&self.classes);
-        pairs.map(|(point, &class)| LabelledPoint::new(position(point), class)).collect()
+        let classes = self.classes.iter().zip(&self.confidences);
+        let points = self.points.iter().zip(classes);
+        points
+            .map(|(&[x, y, z, _], (&class, &confidence))| LabelledPoint {
+                confidence,
+                ..LabelledPoint::new([x, y, z], class)
+            })
+            .collect()
     }
 }
 
-/// Calls `work` on every scan of `frames` in order. With more than one thread, a second one reads ahead; the scans are
-/// the same.
-pub(super) fn for_each_scan(
-    sequence: &Sequence,
+/// Calls `work` on what `prepare` makes of every frame, in order. With more than one thread the others prepare later
+/// frames in turns; the results are the same.
+pub(super) fn in_order<T: Send, E>(
     frames: Range<usize>,
-    config: &InputConfig,
     threads: usize,
-    work: impl FnMut(InputScan) -> Result<(), RunError>,
-) -> Result<(), RunError> {
-    let mut scans = frames.map(|frame| InputScan::read(sequence, frame, config));
+    prepare: impl Fn(usize) -> T + Sync,
+    work: impl FnMut(T) -> Result<(), E>,
+) -> Result<(), E> {
     if threads < 2 {
-        return scans.try_for_each(work);
+        return frames.map(prepare).try_for_each(work);
     }
+    let workers = (threads - 1).min(frames.len().max(1));
+    let prepare = &prepare;
     std::thread::scope(|scope| {
-        let (sender, receiver) = mpsc::sync_channel(READ_AHEAD);
-        // Sending fails once the receiver is gone, which is how a failed run stops the reader.
-        scope.spawn(move || scans.all(|scan| sender.send(scan).is_ok()));
-        receiver.into_iter().try_for_each(work)
+        let start = |worker: usize| {
+            let (sender, receiver) = mpsc::sync_channel(WAITING);
+            let mut turns = frames.clone().skip(worker).step_by(workers);
+            // Sending fails once the receivers are gone, which is how a failed run stops the workers.
+            scope.spawn(move || turns.all(|frame| sender.send(prepare(frame)).is_ok()));
+            receiver
+        };
+        let receivers: Vec<_> = (0..workers).map(start).collect();
+        // The first worker in turn that has nothing left has done the last frame.
+        let results = receivers.iter().cycle().map_while(|receiver| receiver.recv().ok());
+        results.into_iter().try_for_each(work)
     })
 }
 
@@ -105,6 +170,30 @@ impl Stamps {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn frames_come_in_order_from_any_number_of_threads_and_a_failure_ends_them() {
+        for threads in [1, 2, 3, 8, 40] {
+            let mut seen = Vec::new();
+            let slow_first = |frame| {
+                std::thread::sleep(std::time::Duration::from_micros(if frame % 3 == 0 { 300 } else { 0 }));
+                frame * frame
+            };
+            let work = |square| {
+                seen.push(square);
+                if square == 400 { Err("enough") } else { Ok(()) }
+            };
+            assert_eq!(in_order(3..31, threads, slow_first, work), Err("enough"));
+            assert_eq!(seen, (3..21).map(|frame| frame * frame).collect::<Vec<_>>(), "{threads} threads");
+            seen.clear();
+            let keep = |frame| {
+                seen.push(frame);
+                Ok::<_, ()>(())
+            };
+            assert_eq!(in_order(0..7, threads, |frame| frame, keep), Ok(()));
+            assert_eq!(seen, [0, 1, 2, 3, 4, 5, 6], "{threads} threads");
+        }
+    }
 
     #[test]
     fn stamps_that_go_back_or_stand_still_are_replaced() {

@@ -7,6 +7,7 @@ use sdslam_core::Stage;
 use serde::Serialize;
 
 use super::motion::MovingLandmarks;
+use super::segment::SegmentationMilliseconds;
 use super::stopwatch::Milliseconds;
 use super::tally::{Named, Tally};
 use crate::config::Preset;
@@ -36,6 +37,10 @@ pub struct Summary {
     pub core_ms: Milliseconds,
     /// CPU time of the core per scan.
     pub core_cpu_ms: Milliseconds,
+    /// Where the classes come from.
+    pub classes: String,
+    /// CPU time of the segmentation per scan, if there was one.
+    pub segmentation_cpu_ms: Option<SegmentationMilliseconds>,
     /// Scans per second of the whole run, reading and writing included.
     pub scans_per_s: f64,
     /// Tracks recognised as dynamic.
@@ -90,6 +95,9 @@ pub(super) struct Metrics<'a> {
     pub core_ms: Milliseconds,
     pub core_cpu_ms: Milliseconds,
     pub core_ms_per_stage: Named<Milliseconds, { Stage::ALL.len() }>,
+    pub classes: &'a str,
+    /// Null where the classes come from label files.
+    pub segmentation_cpu_ms: Option<&'a SegmentationMilliseconds>,
     pub scans_per_s: f64,
     pub counts: &'a Tally,
 }
@@ -113,6 +121,10 @@ impl fmt::Display for Summary {
         }
         self.rows_of_trajectory(f)?;
         row(f, "loops", format_args!("{} accepted, {} proposed", self.loops.accepted, self.loops.proposed))?;
+        row(f, "classes", &self.classes)?;
+        if let Some(times) = &self.segmentation_cpu_ms {
+            times.rows(f)?;
+        }
         row(f, "core, ms per scan", self.core_ms)?;
         row(f, "core, CPU ms per scan", self.core_cpu_ms)?;
         row(f, "scans per second", format_args!("{:.1}", self.scans_per_s))?;
@@ -170,6 +182,6 @@ impl MovingScore {
     }
 }
 
-fn row(f: &mut fmt::Formatter<'_>, description: &str, value: impl fmt::Display) -> fmt::Result {
+pub(super) fn row(f: &mut fmt::Formatter<'_>, description: &str, value: impl fmt::Display) -> fmt::Result {
     writeln!(f, "{description:<22} {value}")
 }

@@ -11,7 +11,7 @@ use super::{
     random::{Domain, Random},
 };
 
-/// Time between two scans [s].
+/// Time between two scans of the real device [s].
 pub const SCAN_S: f64 = 0.1;
 
 /// Middle of the vehicle to its axles and to its wheels [m].
@@ -30,7 +30,7 @@ pub struct Drive {
 impl Drive {
     /// Plans the drive, long enough for all frames and 15 s more.
     pub fn plan(options: &Options, plan: &Plan) -> Self {
-        let needed_s = options.frames as f64 * SCAN_S + 15.0;
+        let needed_s = options.frames as f64 * options.interval_s + 15.0;
         let legs = (needed_s * options.speed_mps / f64::from(options.town.block_length_m[0])) as usize + 4;
         let route = route(options, plan, legs);
         let lane = Path::along_lane(plan, &route, f64::from(LANE_M));

@@ -43,6 +43,8 @@ pub struct Ground {
     /// Relief height and plan coordinates at the nodes.
     nodes: Vec<[f32; 3]>,
     seed: u32,
+    /// Whether its reflectance differs from place to place.
+    patchy: bool,
 }
 
 /// Smooth heights: two long waves and some hills.
@@ -67,7 +69,7 @@ impl Ground {
             [relief.height(plan.town_from_plan(plan.level(p))) as f32, p.x as f32, p.y as f32]
         };
         let nodes = (0..size[0] * size[1]).map(node).collect();
-        Self { plan: plan.clone(), relief, origin, size, nodes, seed: seed as u32 }
+        Self { plan: plan.clone(), relief, origin, size, nodes, seed: seed as u32, patchy: town.varied }
     }
 
     /// Lower corner and size [m] of the ground in the town.
@@ -136,7 +138,17 @@ impl Ground {
         let slope =
             |dx: f32, dy: f32| self.surface(at.x + dx, at.y + dy).map_or(0.0, |(ahead, ..)| ahead - z);
         let normal = Vec3::new(-slope(0.02, 0.0), -slope(0.0, 0.02), 0.02).normalize();
-        Some((Hit { range_m, normal }, self.cover(p, &place)))
+        let mut cover = self.cover(p, &place);
+        if self.patchy {
+            cover.reflectance *= self.patches(at.x, at.y);
+        }
+        Some((Hit { range_m, normal }, cover))
+    }
+
+    /// Factor on the reflectance: repairs, stains, other paving.
+    fn patches(&self, x: f32, y: f32) -> f32 {
+        let (wide, narrow) = (self.noise(x * 0.12, y * 0.12), self.noise(y * 0.9 + 31.0, x * 0.9));
+        (0.6 + 0.8 * wide) * if narrow > 0.72 { 0.65 } else { 1.0 }
     }
 
     /// Lowest and highest ground [m] in a square of the town.

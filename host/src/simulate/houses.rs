@@ -5,7 +5,8 @@ use nalgebra::{Isometry3, Point2, Vector2};
 use super::{
     bodies::Car,
     facade::Facade,
-    plan::{BlockStyle, right_of},
+    fleet, open_blocks,
+    plan::{BlockStyle, Purpose, right_of},
     plants,
     random::Random,
     scene::{Finish, Solid, Surface},
@@ -45,13 +46,16 @@ struct House {
 pub fn build_up_block(site: &mut Site, block: [usize; 2], random: &mut Random) {
     let style = *site.plan.style(block);
     for side in sides(site, block, &style) {
-        if style.has_houses {
-            build_up_side(site, &side, &style, random);
-        } else {
-            plant_park_edge(site, &side, random);
+        match style.purpose {
+            Purpose::Houses => build_up_side(site, &side, &style, random),
+            Purpose::Park => plant_park_edge(site, &side, random),
+            _ => {}
         }
     }
-    plant_yard(site, block, &style, random);
+    match style.purpose {
+        Purpose::Houses | Purpose::Park => plant_yard(site, block, &style, random),
+        purpose => open_blocks::fill(site, block, purpose, random),
+    }
 }
 
 /// The two long sides first; the other two begin behind their houses.
@@ -82,8 +86,10 @@ fn sides(site: &Site, [i, j]: [usize; 2], style: &BlockStyle) -> Vec<Side> {
 fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut Random) {
     let mut start = random.between(0.2, 1.5);
     while start + 7.0 < side.length_m {
-        let end = (start + random.between(8.0, 16.0)).min(side.length_m - 0.5);
-        let setback_m = style.setback_m + random.between(0.0, 0.8);
+        let varied = site.options.varied;
+        let (longest, jump_m) = if varied { (random.pick(&[12.0, 20.0, 35.0]), 2.5) } else { (16.0, 0.8) };
+        let end = (start + random.between(8.0, longest)).min(side.length_m - 0.5);
+        let setback_m = style.setback_m + random.between(0.0, jump_m);
         let house = House {
             span: [start, end],
             setback_m,
@@ -91,7 +97,7 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
             storeys: style.storeys + random.between(-0.5, 0.5),
             reflectance: random.between(0.32, 0.72),
         };
-        if random.chance(0.94) {
+        if random.chance(if varied { 0.85 } else { 0.94 }) {
             build_house(site, side, &house, random);
         }
         let gap = style.gap_m * random.between(0.7, 1.3);
@@ -119,7 +125,10 @@ fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random)
     let pose = Isometry3::new(foot, Vec3::z() * yaw);
 
     let along = Vector2::new(yaw.cos(), yaw.sin());
-    let facade = draw_facade(foot, along, [half_length, half_depth], wall, random);
+    let mut facade = draw_facade(foot, along, [half_length, half_depth], wall, random);
+    if site.options.varied {
+        vary_facade(&mut facade, random);
+    }
     let plain = Surface::matte(50, house.reflectance);
     let main =
         Hull::cuboid([-half_length, half_length], [-half_depth, half_depth], [lowest - floor - 0.5, wall]);
@@ -127,6 +136,9 @@ fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random)
     site.facades.push(facade);
     parts.push(roof(half_length, half_depth, wall, random));
     add_front_parts(&mut parts, &facade, half_length, half_depth, house, random);
+    if site.options.varied {
+        add_relief(&mut parts, [half_length, half_depth], wall, house, random);
+    }
     site.solids.extend(parts.iter().map(|solid| solid.moved(&pose)));
 }
 
@@ -142,6 +154,44 @@ fn draw_facade(foot: Vec3, along: Vector2<f32>, half_m: [f32; 2], wall: f32, ran
         window_m: [random.between(0.9, 1.5), random.between(1.1, 1.7)],
         sill_m: random.between(0.7, 1.0),
         recess_m: random.between(0.10, 0.28),
+    }
+}
+
+/// Shop windows, narrow windows, many or few of them, or none.
+fn vary_facade(facade: &mut Facade, random: &mut Random) {
+    facade.window_m = [random.pick(&[0.7, 1.1, 1.8, 2.8]), random.pick(&[0.8, 1.3, 1.9, 2.3])];
+    facade.pitch_m = facade.window_m[0] + random.pick(&[0.3, 0.8, 1.5, 4.0, 60.0]);
+    facade.sill_m = random.between(0.15, 1.1);
+    facade.recess_m = random.between(0.03, 0.35);
+}
+
+/// Pillars, ledges, awnings, boxes and boards on the four walls.
+fn add_relief(
+    parts: &mut Vec<Solid>,
+    [half_length, half_depth]: [f32; 2],
+    wall: f32,
+    house: &House,
+    random: &mut Random,
+) {
+    let room = house.setback_m.clamp(0.1, 1.5);
+    for _ in 0..random.below(14) {
+        let surface = Surface::matte(50, random.between(0.1, 0.8));
+        let at = random.between(-half_length, half_length);
+        let out = random.between(0.04, 1.0) * room;
+        let (half, z) = match random.below(5) {
+            0 => (random.between(0.1, 0.35), [-0.5, wall]),
+            1 => (random.between(0.5, 3.0), [random.between(2.2, 2.8), random.between(2.8, 3.2)]),
+            2 => (half_length, [random.between(2.5, 3.0), random.between(3.0, 3.2)]),
+            3 => (random.between(0.2, 0.6), [random.between(0.0, 2.0), random.between(2.0, 3.0)]),
+            _ => (random.between(0.3, 2.0), [-0.5, random.between(0.3, 2.6)]),
+        };
+        let x = [(at - half).max(-half_length), (at + half).min(half_length)];
+        let y = if random.chance(0.7) {
+            [-half_depth - out, 0.1 - half_depth]
+        } else {
+            [half_depth - 0.1, half_depth + out]
+        };
+        parts.push(part(Hull::cuboid(x, y, z), surface));
     }
 }
 
@@ -196,6 +246,10 @@ fn add_front_parts(
 
 /// Hedge, fence, wall or nothing along the sidewalk, with a gate.
 fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut Random) {
+    if site.options.varied && random.chance(0.35) {
+        let ends = [side.at(from, 0.3), side.at(to, 0.3)];
+        return open_blocks::plant_strip(site, ends, random.between(0.4, 1.7), random);
+    }
     let kind = random.below(9);
     let gate = random.between(from + 1.0, (to - 2.2).max(from + 1.1));
     let height = random.between(0.9, 1.9);
@@ -243,8 +297,11 @@ fn plant_front(site: &mut Site, side: &Side, house: &House, random: &mut Random)
         }
         let at = side.at(random.between(house.span[0] + 1.0, house.span[1] - 1.0), random.between(0.9, room));
         let foot = site.foot(at);
-        let solids =
-            if random.chance(0.25) { plants::tree(foot, random) } else { plants::bush(foot, radius, random) };
+        let solids = match random.chance(0.25) {
+            true if site.options.varied => plants::varied_tree(foot, random),
+            true => plants::tree(foot, random),
+            false => plants::bush(foot, radius, random),
+        };
         site.solids.extend(solids);
     }
 }
@@ -256,7 +313,8 @@ fn fill_gap(site: &mut Site, side: &Side, [from, to]: [f32; 2], setback_m: f32, 
         return;
     }
     if to - from > 3.2 && random.chance(site.options.parked) {
-        let car = Car::draw(random).solids(10, site.instance());
+        let car = if site.options.varied { fleet::varied_car(random) } else { Car::draw(random) };
+        let car = car.solids(10, site.instance());
         let facing = if random.chance(0.5) { side.inward } else { -side.inward };
         site.park(&car, side.at(middle, setback_m + random.between(1.0, 3.0)), facing, [1.3, 0.75]);
     } else if random.chance(0.5) {
@@ -294,7 +352,7 @@ fn plant_park_edge(site: &mut Site, side: &Side, random: &mut Random) {
 fn plant_yard(site: &mut Site, [i, j]: [usize; 2], style: &BlockStyle, random: &mut Random) {
     let (a, b) = (site.plan.crossing([i, j]), site.plan.crossing([i + 1, j + 1]));
     let (count, reach) = match style {
-        style if !style.has_houses => (16.0, 0.25),
+        style if style.purpose == Purpose::Park => (16.0, 0.25),
         style if style.setback_m > 2.0 => (4.0, 0.04),
         _ => (1.0, 0.04),
     };
@@ -302,7 +360,9 @@ fn plant_yard(site: &mut Site, [i, j]: [usize; 2], style: &BlockStyle, random: &
         let share = Vector2::new(random.between(-reach, reach), random.between(-reach, reach));
         let share = share.add_scalar(0.5).cast::<f64>();
         let foot = site.foot(a + (b - a).component_mul(&share));
-        site.solids.extend(plants::tree(foot, random));
+        let tree =
+            if site.options.varied { plants::varied_tree(foot, random) } else { plants::tree(foot, random) };
+        site.solids.extend(tree);
     }
 }
 

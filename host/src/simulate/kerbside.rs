@@ -4,6 +4,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::{
     bodies::{self, Car},
+    clutter, fleet, open_blocks,
     plan::{Course, Street, right_of},
     plants,
     random::{Domain, Random},
@@ -51,7 +52,11 @@ pub fn furnish_streets(site: &mut Site, seed: u64) {
             number += 1;
             let kerb = kerb(site, course, line, part, forward);
             let random = &mut Random::keyed(seed, Domain::Kerb, &[number]);
-            furnish(site, &kerb, random);
+            if site.options.varied {
+                furnish_varied(site, &kerb, random);
+            } else {
+                furnish(site, &kerb, random);
+            }
             park_cars(site, &kerb, random);
         }
     }
@@ -107,6 +112,55 @@ fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
     }
 }
 
+/// More of everything, at any place of the sidewalk.
+fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
+    let trees = kerb.block.is_some_and(|block| site.plan.style(block).avenue_trees);
+    let tree_share = if trees { 0.25 * site.options.vegetation.min(1.6) } else { 0.04 };
+    let spacing = random.pick(&[1.5, 3.0, 5.0, 8.0]);
+    let mut at = 4.0 + spacing * random.unit();
+    while at < kerb.length_m - 4.0 {
+        let place =
+            kerb.at(at, random.pick(&[0.4, 0.4, 0.5 * kerb.street.sidewalk_m, kerb.street.sidewalk_m - 0.2]));
+        match random.unit() {
+            draw if draw < tree_share => {
+                let foot = site.foot(kerb.at(at, 0.6));
+                site.solids.extend(plants::varied_tree(foot, random));
+            }
+            draw if draw < 0.45 => site.stand(&clutter::pole(random), kerb.at(at, 0.4), kerb.outward()),
+            draw if draw < 0.60 => {
+                let facing =
+                    if random.chance(0.7) { -kerb.along } else { open_blocks::any_direction(random) };
+                site.stand(&clutter::sign(random), kerb.at(at, 0.5), facing);
+            }
+            draw if draw < 0.65 => park_bicycles(site, kerb, at, random),
+            draw if draw < 0.70 => bollards(site, kerb, at, random),
+            draw if draw < 0.70 + 0.08 * site.options.vegetation => {
+                let length = random.between(2.0, 9.0).min(kerb.length_m - 4.0 - at);
+                let inset = random.pick(&[0.5, kerb.street.sidewalk_m + 0.2]);
+                let ends = [kerb.at(at + length, inset), kerb.at(at, inset)];
+                let width = random.between(0.4, if inset > 1.0 { 3.0 } else { 0.9 });
+                open_blocks::plant_strip(site, ends, width, random);
+            }
+            _ => open_blocks::furnish_sidewalk(site, place, random),
+        }
+        at += spacing * random.between(0.4, 1.6);
+    }
+}
+
+/// A row of bollards or railings along the kerb.
+fn bollards(site: &mut Site, kerb: &Kerb, from: f32, random: &mut Random) {
+    let steel = Surface::matte(80, random.between(0.1, 0.5));
+    let (height, radius) = (random.between(0.6, 1.1), random.between(0.04, 0.1));
+    let gap = random.between(1.2, 2.5);
+    for k in 0..3 + random.below(6) {
+        let at = from + gap * k as f32;
+        if at < kerb.length_m - 4.0 {
+            let post = rod(steel, [0.0, 0.0, -0.2], [0.0, 0.0, height], radius);
+            site.stand(&[post], kerb.at(at, 0.35), kerb.along);
+        }
+    }
+}
+
 fn park_bicycles(site: &mut Site, kerb: &Kerb, at: f32, random: &mut Random) {
     for k in 0..1 + random.below(3) {
         let bicycle = bodies::bicycle(11, site.instance());
@@ -124,17 +178,21 @@ fn park_cars(site: &mut Site, kerb: &Kerb, random: &mut Random) {
     while at < kerb.length_m - 9.5 {
         if random.chance(site.options.parked) {
             let instance = site.instance();
-            let body = if random.chance(0.03) {
+            let body = if site.options.varied {
+                fleet::parked(instance, random)
+            } else if random.chance(0.03) {
                 bodies::truck(6.0, 18, instance)
             } else {
                 Car::draw(random).solids(10, instance)
             };
             let inset = -0.5 * kerb.street.parking_m - 0.05 + random.between(-0.08, 0.08);
-            let facing = if random.chance(0.9) { kerb.along } else { -kerb.along };
+            let across = kerb.street.parking_m > 4.0;
+            let ahead = if across { kerb.outward() } else { kerb.along };
+            let facing = if random.chance(0.9) { ahead } else { -ahead };
             let skew = kerb.outward() * f64::from(random.between(-0.03, 0.03));
             site.park(&body, kerb.at(at, inset), facing + skew, [1.3, 0.75]);
         }
-        at += random.between(5.6, 6.4);
+        at += if kerb.street.parking_m > 4.0 { random.between(2.5, 3.0) } else { random.between(5.6, 6.4) };
     }
 }
 

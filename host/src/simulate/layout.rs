@@ -9,7 +9,7 @@ use std::{
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use sdslam_core::MapPose;
 
-use super::{drive::SCAN_S, error::SimulateError, options::Options, scan::Scan};
+use super::{error::SimulateError, options::Options, scan::Scan};
 use crate::dataset::trajectory::write_kitti;
 
 /// The folders of a drive.
@@ -17,6 +17,7 @@ use crate::dataset::trajectory::write_kitti;
 pub struct Layout {
     sequence: PathBuf,
     poses: PathBuf,
+    interval_s: f64,
 }
 
 impl Layout {
@@ -24,7 +25,7 @@ impl Layout {
     pub fn create(out: &Path, options: &Options) -> Result<Self, SimulateError> {
         let sequence = out.join("sequences").join(&options.sequence);
         let poses = out.join("poses").join(format!("{}.txt", options.sequence));
-        let layout = Self { sequence, poses };
+        let layout = Self { sequence, poses, interval_s: options.interval_s };
         if layout.sequence.exists() && !options.overwrite {
             return Err(SimulateError::Exists { path: layout.sequence });
         }
@@ -56,7 +57,7 @@ impl Layout {
     pub fn write_tables(&self, town_from_sensor: &[MapPose]) -> Result<(), SimulateError> {
         write(&self.sequence.join("calib.txt"), calibration().as_bytes())?;
         let stamps: String = (0..town_from_sensor.len()).fold(String::new(), |mut text, frame| {
-            let _ = writeln!(text, "{:.6e}", frame as f64 * SCAN_S);
+            let _ = writeln!(text, "{:.6e}", frame as f64 * self.interval_s);
             text
         });
         write(&self.sequence.join("times.txt"), stamps.as_bytes())?;

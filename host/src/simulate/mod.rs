@@ -3,23 +3,30 @@
 //! Everything follows from one seed, and the files do not depend on the number of threads. Plan, ground, houses,
 //! kerbsides and traffic are drawn first; then each ray of each scan is cast, with random numbers of its own.
 //!
+//! [`Options::demo`] and [`Options::town`] are fixed worlds to try the SLAM on; [`Options::randomised`] draws sensor, town
+//! and traffic from wide ranges, to train networks on.
+//!
 //! Scans are instantaneous at their stamps, as after motion compensation, and without KITTI's error of the vertical
 //! angle: run the odometry on them without its correction.
 
 mod bodies;
+mod clutter;
 mod drive;
 mod error;
 mod facade;
+mod fleet;
 mod grid;
 mod ground;
 mod houses;
 mod kerbside;
 mod layout;
+mod open_blocks;
 mod options;
 mod path;
 mod plan;
 mod plants;
 mod random;
+mod randomise;
 mod scan;
 mod scene;
 mod sensor;
@@ -40,10 +47,10 @@ use std::{
 use sdslam_core::MapPose;
 
 pub use error::SimulateError;
-pub use options::{Options, Route, SensorOptions, TownOptions, Traffic};
+pub use options::{Flaws, Options, Route, SensorOptions, TownOptions, Traffic};
 pub use summary::{ClassShare, ObjectCount, Summary};
 
-use drive::{Drive, SCAN_S};
+use drive::Drive;
 use layout::Layout;
 use scan::Scanner;
 use summary::{Counts, ScanCounts};
@@ -65,9 +72,9 @@ pub fn simulate(
     let drive = Drive::plan(options, &town.plan);
     let crowd = Crowd::draw(options, &town, &drive);
     let poses: Vec<MapPose> = (0..options.frames)
-        .map(|frame| drive.town_from_sensor(town.scene.ground(), frame as f64 * SCAN_S))
+        .map(|frame| drive.town_from_sensor(town.scene.ground(), frame as f64 * options.interval_s))
         .collect();
-    let scanner = Scanner { town: &town, crowd: &crowd, sensor: &options.sensor, seed: options.seed };
+    let scanner = Scanner::new(options, &town, &crowd);
     let counts = write_scans(options.threads, &layout, &scanner, &poses, progress)?;
     layout.write_tables(&poses)?;
     Ok(counts.summary(&poses))
@@ -113,7 +120,7 @@ fn work(
     loop {
         let frame = next.fetch_add(1, Ordering::Relaxed);
         let Some(pose) = poses.get(frame) else { return };
-        let scan = scanner.scan(frame, frame as f64 * SCAN_S, pose);
+        let scan = scanner.scan(frame, pose);
         let result = layout.write_scan(frame, &scan).map(|()| ScanCounts::of(&scan));
         if results.send(result).is_err() {
             return;

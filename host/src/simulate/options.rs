@@ -1,6 +1,6 @@
 //! What to simulate: one struct for the whole, one for the sensor, one for the town.
 
-use super::error::SimulateError;
+use super::{drive::SCAN_S, error::SimulateError};
 
 /// How many things move.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,8 +29,10 @@ pub enum Route {
 pub struct Options {
     /// Everything random follows from this number.
     pub seed: u64,
-    /// Number of scans, 0.1 s apart.
+    /// Number of scans.
     pub frames: usize,
+    /// Time between two scans [s], 0.05 to 10.
+    pub interval_s: f64,
     /// Name of the sequence folder: two digits as KITTI has them, or any other file name.
     pub sequence: String,
     /// Number of threads; the files do not depend on it. 0 = as many as the machine has.
@@ -68,6 +70,44 @@ pub struct SensorOptions {
     pub min_range_m: f32,
     /// Factor on the loss of weak echoes: 0 keeps every echo.
     pub dropout: f32,
+    /// What this one device does differently from the ideal one.
+    pub flaws: Flaws,
+}
+
+/// Flaws of one device; the default has none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flaws {
+    /// The device: the errors of its lasers follow from this number.
+    pub device: u64,
+    /// Standard deviation of a laser's elevation [deg].
+    pub elevation_deg: f32,
+    /// Standard deviation of a laser's range bias [m].
+    pub range_bias_m: f32,
+    /// Standard deviation of the logarithm of a laser's gain.
+    pub gain: f32,
+    /// Factor on all remissions; 0 = the device reports none.
+    pub remission: f32,
+    /// Share of the echoes at an edge that lie between the two surfaces.
+    pub mixed: f32,
+    /// Glass and dark paint swallow whole streaks of a ring, not single rays.
+    pub streaks: bool,
+    /// The own vehicle hides nothing.
+    pub unmasked: bool,
+}
+
+impl Default for Flaws {
+    fn default() -> Self {
+        Self {
+            device: 0,
+            elevation_deg: 0.0,
+            range_bias_m: 0.0,
+            gain: 0.0,
+            remission: 1.0,
+            mixed: 0.0,
+            streaks: false,
+            unmasked: false,
+        }
+    }
 }
 
 /// The town.
@@ -85,6 +125,8 @@ pub struct TownOptions {
     pub vegetation: f32,
     /// Share of the kerbside slots that are taken, 0 to 1.
     pub parked: f32,
+    /// More kinds of streets, blocks, houses, plants, vehicles and street furniture, with wider spreads.
+    pub varied: bool,
 }
 
 impl Default for Options {
@@ -99,6 +141,7 @@ impl Options {
         Self {
             seed: 1,
             frames: 260,
+            interval_s: SCAN_S,
             sequence: "80".into(),
             threads: 0,
             overwrite: false,
@@ -133,6 +176,7 @@ impl Options {
             () if self.sequence.is_empty() || !self.sequence.chars().all(plain) => {
                 refuse("sequence", "letters, digits, - or _")
             }
+            () if !(0.05..=10.0).contains(&self.interval_s) => refuse("interval_s", "0.05 to 10"),
             () if !(1.0..=20.0).contains(&self.speed_mps) => refuse("speed_mps", "1 to 20"),
             () if !(0.0..=self.speed_mps).contains(&self.start_speed_mps) => {
                 refuse("start_speed_mps", "0 to speed_mps")
@@ -188,6 +232,7 @@ impl Default for SensorOptions {
             max_range_m: 80.0,
             min_range_m: 1.0,
             dropout: 1.0,
+            flaws: Flaws::default(),
         }
     }
 }
@@ -201,6 +246,7 @@ impl Default for TownOptions {
             bend_m: 2.5,
             vegetation: 1.0,
             parked: 0.5,
+            varied: false,
         }
     }
 }

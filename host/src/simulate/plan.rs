@@ -37,14 +37,29 @@ pub struct BlockStyle {
     pub paved_m: f32,
     /// Width of the grass between kerb and sidewalk [m], 0 = none.
     pub verge_m: f32,
-    /// Whether there are houses; a block without is a park.
-    pub has_houses: bool,
+    /// What the block is for.
+    pub purpose: Purpose,
     /// Storeys of an ordinary house.
     pub storeys: f32,
     /// Gap between neighbours [m].
     pub gap_m: f32,
     /// Trees at the kerb instead of in the gardens.
     pub avenue_trees: bool,
+}
+
+/// What a block is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Houses along its edges.
+    Houses,
+    /// Grass and trees.
+    Park,
+    /// A paved place with people, beds and furniture.
+    Square,
+    /// Rows of parked vehicles.
+    CarPark,
+    /// Bushes and undergrowth.
+    Thicket,
 }
 
 /// Direction in which a street runs on the plan.
@@ -101,11 +116,20 @@ impl Plan {
     /// Draws the plan of a seed.
     pub fn draw(seed: u64, town: &TownOptions) -> Self {
         let mut random = Random::keyed(seed, Domain::Plan, &[]);
-        let avenues = draw_streets(town.blocks[0], town.block_length_m, &mut random);
-        let streets = draw_streets(town.blocks[1], town.block_length_m, &mut random);
+        let avenues = draw_streets(town, 0, &mut random);
+        let streets = draw_streets(town, 1, &mut random);
         let first = random.below(5);
         let kind = |k: usize| Kind::ALL[(first + k / town.blocks[1] + 2 * (k % town.blocks[1])) % 5];
-        let styles = (0..town.blocks[0] * town.blocks[1]).map(|k| draw_style(kind(k), &mut random)).collect();
+        let styles =
+            (0..town.blocks[0] * town.blocks[1])
+                .map(|k| {
+                    if town.varied {
+                        draw_varied_style(&mut random)
+                    } else {
+                        draw_style(kind(k), &mut random)
+                    }
+                })
+                .collect();
         let mut wave = || std::f64::consts::TAU / f64::from(random.between(130.0, 200.0));
         let bend = Bend {
             amplitude_m: f64::from(town.bend_m),
@@ -233,21 +257,35 @@ fn rounded_corner(ex: f32, ey: f32) -> f32 {
     KERB_RADIUS_M - x.hypot(y)
 }
 
-fn draw_streets(blocks: usize, [short, long]: [f32; 2], random: &mut Random) -> Vec<Street> {
+fn draw_streets(town: &TownOptions, axis: usize, random: &mut Random) -> Vec<Street> {
+    let (blocks, [short, long]) = (town.blocks[axis], town.block_length_m);
     let gaps: Vec<f32> = (0..blocks).map(|_| random.between(short, long)).collect();
     let mut centre_m = -0.5 * gaps.iter().sum::<f32>();
     let mut streets = Vec::with_capacity(blocks + 1);
     for k in 0..=blocks {
         let parking_m = if random.chance(0.6) { 2.0 } else { 0.0 };
-        streets.push(Street {
+        let street = Street {
             centre_m,
             half_width_m: 3.3 + parking_m,
             parking_m,
             sidewalk_m: random.between(1.9, 2.8),
-        });
+        };
+        streets.push(if town.varied { vary_street(street, random) } else { street });
         centre_m += gaps.get(k).copied().unwrap_or(0.0);
     }
     streets
+}
+
+/// More lanes, bays for parking across, narrow and wide sidewalks.
+fn vary_street(street: Street, random: &mut Random) -> Street {
+    let parking_m = random.pick(&[0.0, street.parking_m, 2.0, 2.0, 4.8]);
+    let lanes_m = random.pick(&[0.0, 0.0, 0.0, 0.0, 0.8, 3.2, 5.0]);
+    Street {
+        half_width_m: 3.3 + parking_m + lanes_m,
+        parking_m,
+        sidewalk_m: random.pick(&[1.3, 1.8, 2.4, 3.0, 4.5, 6.0]) + random.between(0.0, 0.5),
+        ..street
+    }
 }
 
 /// What blocks are for; any two neighbours differ.
@@ -262,13 +300,39 @@ impl Kind {
     const ALL: [Self; 5] = [Self::Centre, Self::Homes, Self::Park, Self::Homes, Self::Homes];
 }
 
+/// A block of a varied town: its properties are drawn one by one.
+fn draw_varied_style(random: &mut Random) -> BlockStyle {
+    let purpose = match random.below(16) {
+        0..10 => Purpose::Houses,
+        10 => Purpose::Park,
+        11..14 => Purpose::Square,
+        14 => Purpose::CarPark,
+        _ => Purpose::Thicket,
+    };
+    let setback_m = random.pick(&[0.1, 0.3, 1.5, 3.0, 4.5, 7.0]) + random.between(0.0, 1.5);
+    let paved_m = match purpose {
+        Purpose::Square | Purpose::CarPark => 200.0,
+        Purpose::Houses if setback_m < 2.0 || random.chance(0.25) => 60.0,
+        _ => random.between(0.0, 0.6),
+    };
+    BlockStyle {
+        setback_m,
+        paved_m,
+        verge_m: random.pick(&[0.0, 0.0, 0.95, 1.2]),
+        purpose,
+        storeys: random.pick(&[1.0, 2.0, 2.5, 3.0, 4.0, 5.0]),
+        gap_m: random.pick(&[0.2, 0.3, 2.0, 4.0, 7.0]),
+        avenue_trees: random.chance(0.45),
+    }
+}
+
 fn draw_style(kind: Kind, random: &mut Random) -> BlockStyle {
     if kind == Kind::Centre {
         return BlockStyle {
             setback_m: random.between(0.2, 1.2),
             paved_m: 30.0,
             verge_m: 0.0,
-            has_houses: true,
+            purpose: Purpose::Houses,
             storeys: random.between(3.0, 4.9),
             gap_m: 0.3,
             avenue_trees: random.chance(0.6),
@@ -278,7 +342,7 @@ fn draw_style(kind: Kind, random: &mut Random) -> BlockStyle {
         setback_m: random.between(2.1, 4.0),
         paved_m: random.between(0.0, 0.4),
         verge_m: if random.chance(0.5) { 0.95 } else { 0.0 },
-        has_houses: kind == Kind::Homes,
+        purpose: if kind == Kind::Homes { Purpose::Houses } else { Purpose::Park },
         storeys: random.between(1.6, 2.9),
         gap_m: random.between(3.0, 6.0),
         avenue_trees: random.chance(0.45),

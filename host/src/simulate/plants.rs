@@ -25,11 +25,59 @@ pub fn street_tree(foot: Vec3, random: &mut Random) -> Vec<Solid> {
     grow(foot, crown, random)
 }
 
+/// A tree of any size and shape: small or large, bare, thin, dense or a conifer.
+pub fn varied_tree(foot: Vec3, random: &mut Random) -> Vec<Solid> {
+    let size = random.between(0.6, 1.9);
+    let height = size * random.between(1.8, 3.4);
+    let trunk = Trunk { radius_m: size * random.between(0.06, 0.22), lean: random.between(0.0, 0.12) };
+    let crown_foot = random.pick(&[0.2, 0.8, 1.8, 2.3, 3.0]) * random.between(0.8, 1.2);
+    let crown = Vec3::new(size * random.between(1.0, 2.4), height, crown_foot);
+    let leaves = Leaves {
+        density: random.pick(&[0.15, 0.5, 0.8, 1.0]),
+        clump_m: [0.25, random.between(0.4, 0.9)],
+        free_path_m: random.between(0.08, 0.7),
+        cone: random.chance(0.2),
+    };
+    let mut solids = grow_as(foot, crown, trunk, leaves, random);
+    if random.chance(0.15) {
+        // A second stem.
+        let lean = Vec3::new(random.between(-0.3, 0.3), random.between(-0.3, 0.3), 1.0);
+        solids.push(rod(BARK, foot - Vec3::z() * 0.3, foot + lean * (crown_foot + 0.5), trunk.radius_m));
+    }
+    solids
+}
+
+/// Stem of a tree.
+#[derive(Clone, Copy)]
+struct Trunk {
+    radius_m: f32,
+    /// Largest lean along an axis.
+    lean: f32,
+}
+
+/// How the leaves of a tree grow.
+#[derive(Clone, Copy)]
+struct Leaves {
+    /// Factor on the number of clumps.
+    density: f32,
+    /// Smallest and largest radius of a clump [m].
+    clump_m: [f32; 2],
+    free_path_m: f32,
+    /// Narrow at the top.
+    cone: bool,
+}
+
 /// Trunk, some branches, and a crown of clumps with this radius, half height and height of its foot [m].
 fn grow(foot: Vec3, crown: Vec3, random: &mut Random) -> Vec<Solid> {
+    let trunk = Trunk { radius_m: random.between(0.10, 0.24), lean: 0.06 };
+    let leaves = Leaves { density: 1.0, clump_m: [0.3, 0.6], free_path_m: 0.30, cone: false };
+    grow_as(foot, crown, trunk, leaves, random)
+}
+
+fn grow_as(foot: Vec3, crown: Vec3, trunk: Trunk, leaves: Leaves, random: &mut Random) -> Vec<Solid> {
     let (crown_radius, crown_half, crown_foot) = (crown.x, crown.y, crown.z);
-    let radius = random.between(0.10, 0.24);
-    let lean = Vec3::new(random.between(-0.06, 0.06), random.between(-0.06, 0.06), 1.0);
+    let Trunk { radius_m: radius, lean } = trunk;
+    let lean = Vec3::new(random.between(-lean, lean), random.between(-lean, lean), 1.0);
     let fork = foot + lean * crown_foot;
     let middle = foot + lean * (crown_foot + 0.8 * crown_half);
     let root = foot - Vec3::z() * 0.3;
@@ -43,10 +91,15 @@ fn grow(foot: Vec3, crown: Vec3, random: &mut Random) -> Vec<Solid> {
         solids.push(rod(BRANCH, fork, tip, 0.3 * radius));
     }
     let scale = Vec3::new(crown_radius, crown_radius, crown_half);
-    let clumps = (9.0 * crown_radius * crown_radius * crown_half.sqrt()) as usize;
+    let clumps = (leaves.density * 9.0 * crown_radius * crown_radius * crown_half.sqrt()) as usize;
     for _ in 0..clumps {
-        let size = random.between(0.3, 0.6);
-        solids.push(clump(middle + shell(random).component_mul(&scale), size, 0.8 * size, 0.30));
+        let size = random.between(leaves.clump_m[0], leaves.clump_m[1]);
+        let mut at = shell(random);
+        if leaves.cone {
+            let narrow = 0.5 * (1.0 - at.z);
+            (at.x, at.y) = (at.x * narrow, at.y * narrow);
+        }
+        solids.push(clump(middle + at.component_mul(&scale), size, 0.8 * size, leaves.free_path_m));
     }
     solids
 }
@@ -74,6 +127,32 @@ pub fn hedge(from: Vec3, to: Vec3, height_m: f32, random: &mut Random) -> Vec<So
         let shift =
             Vec3::new(random.between(-0.06, 0.06), random.between(-0.06, 0.06), random.between(-0.05, 0.05));
         solids.push(clump(foot + Vec3::z() * z + shift, random.between(0.26, 0.34), 0.3, 0.10));
+    }
+    solids
+}
+
+/// A trimmed hedge or a strip of undergrowth: smooth or shaggy, one to many shoots thick.
+pub fn shrubs(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut Random) -> Vec<Solid> {
+    let size = random.between(0.18, 0.40).min(0.6 * height_m + 0.1);
+    let free_path_m = random.pick(&[0.02, 0.05, 0.12, 0.3]);
+    let shag_m = random.pick(&[0.02, 0.08, 0.2]);
+    let (along, pitch) = (to - from, 1.1 * size);
+    let across = Vec3::new(-along.y, along.x, 0.0).try_normalize(1e-6).unwrap_or_default();
+    let count = |length: f32| (length / pitch).ceil().max(1.0) as usize;
+    let (steps, lanes, rows) = (count(along.norm()), count(width_m), count(height_m));
+    let mut solids = Vec::with_capacity(steps * lanes * 2);
+    for (step, lane, row) in (0..=steps)
+        .flat_map(|s| (0..lanes).map(move |l| (s, l)))
+        .flat_map(|(s, l)| (0..rows).map(move |r| (s, l, r)))
+    {
+        // Only what can be seen: the top and the two sides.
+        if row + 1 < rows && lane > 0 && lane + 1 < lanes {
+            continue;
+        }
+        let foot = from + along * (step as f32 / steps as f32) + across * (pitch * lane as f32);
+        let shift = Vec3::from_fn(|_, _| random.between(-shag_m, shag_m));
+        let z = (row as f32 + 0.5) * height_m / rows as f32;
+        solids.push(clump(foot + Vec3::z() * z + shift, size, size.min(height_m), free_path_m));
     }
     solids
 }
@@ -114,6 +193,8 @@ mod tests {
         for solids in [
             tree(foot, &mut random),
             street_tree(foot, &mut random),
+            varied_tree(foot, &mut random),
+            shrubs(foot, foot + Vec3::x() * 3.0, 0.7, 1.5, &mut random),
             bush(foot, 0.8, &mut random),
             hedge(foot, foot + Vec3::x() * 4.0, 1.4, &mut random),
         ] {

@@ -21,6 +21,10 @@ pub enum Domain {
     Scan,
     /// One ray of a scan.
     Ray,
+    /// A device.
+    Device,
+    /// Options that are drawn.
+    Options,
 }
 
 /// A small seeded generator.

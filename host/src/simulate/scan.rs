@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 use sdslam_core::MapPose;
 
 use super::{
-    options::SensorOptions,
+    options::{Options, SensorOptions},
     random::{Domain, Random, combine},
     scene::{Echo, RayKey, first_hit},
     sensor::{self, Laser},
@@ -37,11 +37,19 @@ pub struct Scanner<'a> {
     pub sensor: &'a SensorOptions,
     /// Seed of the noise.
     pub seed: u64,
+    /// Time between two scans [s].
+    pub interval_s: f64,
 }
 
-impl Scanner<'_> {
-    /// The scan number `frame`, at a time [s] and a pose; instantaneous, ring after ring from the top.
-    pub fn scan(&self, frame: usize, time_s: f64, town_from_sensor: &MapPose) -> Scan {
+impl<'a> Scanner<'a> {
+    /// The scanner of a drive.
+    pub fn new(options: &'a Options, town: &'a Town, crowd: &'a Crowd) -> Self {
+        Self { town, crowd, sensor: &options.sensor, seed: options.seed, interval_s: options.interval_s }
+    }
+
+    /// The scan number `frame`, at a pose; instantaneous, ring after ring from the top.
+    pub fn scan(&self, frame: usize, town_from_sensor: &MapPose) -> Scan {
+        let time_s = frame as f64 * self.interval_s;
         let origin: Vec3 = town_from_sensor.translation.vector.cast();
         let near = self.crowd.presences(self.town, time_s, origin, self.sensor.max_range_m);
         let sectors = Sectors::new(&near, origin);
@@ -50,12 +58,14 @@ impl Scanner<'_> {
         let offset = Random::keyed(self.seed, Domain::Scan, &[frame as u64]).unit();
         let first = (frame * sensor::RINGS * self.sensor.columns) as u64;
         let pose = town_from_sensor.cast();
-        for (ring, laser) in sensor::lasers().iter().enumerate() {
+        for (ring, laser) in sensor::lasers(&self.sensor.flaws).iter().enumerate() {
+            let start = scan.points.len();
             for column in 0..self.sensor.columns {
                 let azimuth = (column as f32 + offset) / self.sensor.columns as f32 * std::f32::consts::TAU;
                 let number = first + (ring * self.sensor.columns + column) as u64;
                 self.shoot(&mut scan, &sectors, &pose, laser, azimuth, number);
             }
+            self.mix_edges(&mut scan.points[start..], laser, first + ring as u64);
         }
         scan
     }
@@ -69,7 +79,7 @@ impl Scanner<'_> {
         azimuth: f32,
         number: u64,
     ) {
-        if sensor::is_masked(azimuth.to_degrees(), laser) {
+        if !self.sensor.flaws.unmasked && sensor::is_masked(azimuth.to_degrees(), laser) {
             return;
         }
         let (rise, reach) = laser.elevation_deg.to_radians().sin_cos();
@@ -81,9 +91,9 @@ impl Scanner<'_> {
         };
         let key = combine(combine(self.seed, Domain::Ray as u64), number);
         let Some(echo) = self.cast(sectors, &ray, key) else { return };
-        let Some(seen) =
-            sensor::measure(self.sensor, laser.gain, ray.direction, &echo, &mut Random::hashed(key))
-        else {
+        let streak = self.streak(&echo, azimuth, number);
+        let random = &mut Random::hashed(key);
+        let Some(seen) = sensor::measure(self.sensor, laser, ray.direction, &echo, random, streak) else {
             return;
         };
         let at = (direction * seen.range_m + lift).map(|c| (1000.0 * c).round() / 1000.0);
@@ -91,6 +101,39 @@ impl Scanner<'_> {
         scan.labels.push(u32::from(echo.surface.label) | u32::from(echo.surface.instance) << 16);
         if labels::is_moving(echo.surface.label.into()) {
             scan.moving.insert(echo.surface.instance, echo.surface.label);
+        }
+    }
+
+    /// A number that the rays of a ring share while they meet the same thing, 2 to 8 degrees far.
+    fn streak(&self, echo: &Echo, azimuth: f32, number: u64) -> Option<f32> {
+        if !self.sensor.flaws.streaks {
+            return None;
+        }
+        let ring = number / self.sensor.columns as u64;
+        let same = combine(combine(self.seed ^ 0x5354, ring), echo.surface.instance.into());
+        let random = &mut Random::hashed(same);
+        let (width_deg, shift_deg) = (random.between(2.0, 8.0), random.between(0.0, 8.0));
+        let chunk = ((azimuth.to_degrees() + shift_deg) / width_deg) as u64;
+        Some(Random::hashed(combine(same, chunk)).unit())
+    }
+
+    /// Moves some points at the edges of a ring's surfaces to between the two surfaces.
+    fn mix_edges(&self, points: &mut [[f32; 4]], laser: &Laser, number: u64) {
+        let share = self.sensor.flaws.mixed;
+        if share == 0.0 {
+            return;
+        }
+        let random = &mut Random::hashed(combine(self.seed ^ 0x4d49, number));
+        let lift = Vec3::z() * laser.origin_m;
+        let from_laser = |p: &[f32; 4]| Vec3::new(p[0], p[1], p[2]) - lift;
+        for k in 1..points.len() {
+            let (a, b) = (from_laser(&points[k - 1]), from_laser(&points[k]));
+            let ratio = b.norm() / a.norm();
+            let neighbours = a.dot(&b) > 0.99995 * a.norm() * b.norm();
+            if neighbours && !(0.97..=1.03).contains(&ratio) && random.chance(share) {
+                let moved = a * (1.0 + (ratio - 1.0) * random.unit()) + lift;
+                points[k - 1][..3].copy_from_slice(moved.as_slice());
+            }
         }
     }
 
@@ -185,8 +228,7 @@ mod tests {
             let time_s = frame as f64 * SCAN_S;
             let pose = self.drive.town_from_sensor(self.town.scene.ground(), time_s);
             let (town, crowd) = (&self.town, &self.crowd);
-            let scanner = Scanner { town, crowd, sensor: &self.options.sensor, seed: 1 };
-            let scan = scanner.scan(frame, time_s, &pose);
+            let scan = Scanner::new(&self.options, town, crowd).scan(frame, &pose);
             let place = |p: &[f32; 4]| pose * Point3::new(p[0].into(), p[1].into(), p[2].into());
             let points = scan.points.iter().map(place).collect();
             (scan, points)
@@ -263,5 +305,42 @@ mod tests {
         let all: std::collections::BTreeSet<_> = still(&without).into_iter().collect();
         assert!(still(&scan).iter().all(|point| all.contains(point)), "traffic changed the town");
         assert!(still(&scan).len() < all.len());
+    }
+
+    #[test]
+    fn mixed_points_stay_on_their_rays_between_two_surfaces() {
+        let mut world = world();
+        world.options.sensor.columns = 1000;
+        let (clean, _) = world.scan(30);
+        world.options.sensor.flaws.mixed = 0.5;
+        let (mixed, _) = world.scan(30);
+        assert_eq!(clean.labels, mixed.labels);
+        let mut moved = 0;
+        for (a, b) in clean.points.iter().zip(&mixed.points).filter(|(a, b)| a != b) {
+            // The lasers sit 0.11 to 0.20 m above the origin of the sensor.
+            let ray = |p: &[f32; 4], lift: f32| Vec3::new(p[0], p[1], p[2] - lift);
+            let bend = [0.11, 0.20].map(|lift| ray(a, lift).angle(&ray(b, lift)));
+            assert!(bend[0].min(bend[1]) < 2e-3, "{a:?} {b:?}");
+            moved += 1;
+        }
+        assert!((50..clean.points.len() / 4).contains(&moved), "{moved} of {}", clean.points.len());
+    }
+
+    #[test]
+    fn streaks_take_neighbouring_rays_of_glass_together() {
+        let mut world = world();
+        world.options.sensor.flaws.streaks = true;
+        world.options.sensor.columns = 2000;
+        let lone = |world: &World| {
+            let (scan, _) = world.scan(30);
+            let azimuth = |p: &[f32; 4]| p[1].atan2(p[0]).rem_euclid(std::f32::consts::TAU);
+            let step = std::f32::consts::TAU / 2000.0;
+            // Gaps of exactly one ray: rays that were lost alone.
+            let gaps = scan.points.windows(2).map(|w| (azimuth(&w[1]) - azimuth(&w[0])) / step);
+            gaps.filter(|gap| (1.5..2.5).contains(gap)).count()
+        };
+        let with = lone(&world);
+        world.options.sensor.flaws.streaks = false;
+        assert!(10 * with < 9 * lone(&world), "{with} of {}", lone(&world));
     }
 }

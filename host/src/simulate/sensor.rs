@@ -1,8 +1,8 @@
 //! The Velodyne HDL-64E: where its rays go, and what it makes of their echoes.
 
 use super::{
-    options::SensorOptions,
-    random::Random,
+    options::{Flaws, SensorOptions},
+    random::{Domain, Random},
     scene::{Echo, Finish},
     shape::Vec3,
 };
@@ -19,12 +19,15 @@ pub struct Laser {
     pub origin_m: f32,
     /// Factor on its remissions: no two lasers are alike.
     pub gain: f32,
+    /// What it measures too far [m].
+    pub bias_m: f32,
     /// What the own vehicle hides is shifted by this angle [deg]: the lasers sit side by side.
     pub shadow_deg: f32,
 }
 
 /// The lasers from top to bottom: two blocks, 1/3 and 1/2 deg apart, mounted one above the other.
-pub fn lasers() -> [Laser; RINGS] {
+pub fn lasers(flaws: &Flaws) -> [Laser; RINGS] {
+    let random = &mut Random::keyed(flaws.device, Domain::Device, &[]);
     std::array::from_fn(|ring| {
         let (elevation_deg, origin_m) = if ring < 32 {
             (2.0 - ring as f32 / 3.0, 0.20)
@@ -33,7 +36,13 @@ pub fn lasers() -> [Laser; RINGS] {
         };
         let spread = (2.4 * ring as f32).sin();
         let gain = 1.0 + 0.15 * (5.3 * ring as f32).sin();
-        Laser { elevation_deg, origin_m, gain, shadow_deg: 2.5 * spread }
+        Laser {
+            elevation_deg: elevation_deg + flaws.elevation_deg * random.normal(),
+            origin_m,
+            gain: gain * flaws.remission * (flaws.gain * random.normal()).exp(),
+            bias_m: flaws.range_bias_m * random.normal(),
+            shadow_deg: 2.5 * spread,
+        }
     })
 }
 
@@ -71,24 +80,28 @@ pub struct Return {
     pub remission: f32,
 }
 
-/// Measures an echo; `None` if it is lost or out of range.
+/// Measures an echo; `None` if it is lost or out of range. `streak` draws what a streak of rays has in common.
 pub fn measure(
     options: &SensorOptions,
-    gain: f32,
+    laser: &Laser,
     direction: Vec3,
     echo: &Echo,
     random: &mut Random,
+    streak: Option<f32>,
 ) -> Option<Return> {
     let slant = echo.hit.normal.dot(&direction).abs().clamp(0.0, 1.0);
-    let (true_m, reflectance) = through_glass(echo, random)?;
+    let (true_m, reflectance) = through_glass(echo, random, streak)?;
+    if streak.is_some_and(|draw| is_swallowed(echo, slant, draw)) {
+        return None;
+    }
     if random.chance(loss(options, true_m, reflectance, slant)) {
         return None;
     }
     let spread = 1.0 + 0.5 * true_m / 80.0 + 0.4 * (1.0 - slant);
     let blades = if echo.surface.label == TERRAIN { 0.015 * random.normal() } else { 0.0 };
-    let range_m = true_m + options.range_noise_m * spread * random.normal() + blades;
+    let range_m = true_m + laser.bias_m + options.range_noise_m * spread * random.normal() + blades;
     let seen = (options.min_range_m..options.max_range_m).contains(&range_m);
-    let remission = remission(echo.surface.finish, gain * reflectance, slant, random);
+    let remission = remission(echo.surface.finish, laser.gain * reflectance, slant, random);
     seen.then_some(Return { range_m, remission })
 }
 
@@ -96,16 +109,22 @@ pub fn measure(
 const TERRAIN: u16 = 72;
 
 /// Range [m] and reflectance of what sends the echo back; through glass it is often nothing.
-fn through_glass(echo: &Echo, random: &mut Random) -> Option<(f32, f32)> {
+fn through_glass(echo: &Echo, random: &mut Random, streak: Option<f32>) -> Option<(f32, f32)> {
     let plain = (echo.hit.range_m, echo.surface.reflectance);
     if echo.surface.finish != Finish::Glass {
         return Some(plain);
     }
-    match random.unit() {
+    match streak.unwrap_or_else(|| random.unit()) {
         draw if draw < 0.45 => None,
         draw if draw < 0.60 => Some((plain.0 + random.between(0.2, 1.4), 0.15)),
         _ => Some((plain.0, 0.12)),
     }
+}
+
+/// Dark, smooth paint mirrors most of the light away, for whole streaks of a ring.
+fn is_swallowed(echo: &Echo, slant: f32, streak: f32) -> bool {
+    const DARK: f32 = 0.05;
+    echo.surface.instance != 0 && echo.surface.reflectance < DARK && streak > 0.5 + 0.5 * slant
 }
 
 /// Probability that an echo is too weak: it falls with the square of the range and with the slant.
@@ -120,7 +139,7 @@ fn remission(finish: Finish, reflectance: f32, slant: f32, random: &mut Random) 
     let noisy = exact + random.normal() * (0.02 + 0.2 * exact);
     let quantised = (100.0 * noisy).round() / 100.0;
     let nothing = 0.02 + 0.8 * (-exact / 0.06).exp();
-    if random.chance(nothing) { 0.0 } else { quantised.clamp(0.0, 0.99) }
+    if exact == 0.0 || random.chance(nothing) { 0.0 } else { quantised.clamp(0.0, 0.99) }
 }
 
 #[cfg(test)]
@@ -136,14 +155,15 @@ mod tests {
         let options = SensorOptions::default();
         let shoot = |k| {
             let random = &mut Random::keyed(3, Domain::Ray, &[k]);
-            measure(&options, 1.0, Vec3::x(), &echo(range_m, reflectance), random)
+            let laser = Laser { gain: 1.0, ..lasers(&options.flaws)[0] };
+            measure(&options, &laser, Vec3::x(), &echo(range_m, reflectance), random, None)
         };
         (0..4000).filter_map(shoot).collect()
     }
 
     #[test]
     fn elevations_fall_from_2_to_minus_25_degrees() {
-        let lasers = lasers();
+        let lasers = lasers(&Flaws::default());
         assert!(lasers.windows(2).all(|pair| pair[0].elevation_deg > pair[1].elevation_deg + 0.3));
         assert_eq!(lasers[0].elevation_deg, 2.0);
         assert!((lasers[63].elevation_deg + 24.5).abs() < 0.4);
@@ -167,7 +187,7 @@ mod tests {
 
     #[test]
     fn own_vehicle_hides_only_low_rays() {
-        let lasers = lasers();
+        let lasers = lasers(&Flaws::default());
         let hidden = |ring: usize| (0..360).filter(|a| is_masked(*a as f32, &lasers[ring])).count();
         assert_eq!(hidden(40), 0);
         assert!((10..60).contains(&hidden(50)), "{}", hidden(50));

@@ -25,6 +25,8 @@ pub struct Town {
     pub scene: Scene,
     /// First instance number that is free for what moves.
     pub next_instance: u16,
+    /// Whether its vehicles are of many kinds.
+    pub varied: bool,
 }
 
 impl Town {
@@ -42,7 +44,7 @@ impl Town {
         kerbside::furnish_streets(&mut site, seed);
         let Site { solids, facades, next_instance, .. } = site;
         let scene = Scene::new(ground, solids, facades);
-        Self { plan, scene, next_instance }
+        Self { plan, scene, next_instance, varied: options.varied }
     }
 }
 

@@ -11,7 +11,7 @@ pub use actor::Actor;
 use spacing::Spacing;
 
 use super::{
-    drive::{Drive, SCAN_S},
+    drive::Drive,
     options::{Options, Traffic},
     random::{Domain, Random},
     scene::Solid,
@@ -52,7 +52,7 @@ pub struct Presence {
 impl Crowd {
     /// Draws the traffic of a drive.
     pub fn draw(options: &Options, town: &Town, drive: &Drive) -> Self {
-        let duration_s = options.frames as f64 * SCAN_S;
+        let duration_s = options.frames as f64 * options.interval_s;
         let mut random = Random::keyed(options.seed, Domain::Traffic, &[]);
         let mut cast = Casting {
             town,
@@ -141,6 +141,7 @@ impl Casting<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simulate::drive::SCAN_S;
 
     fn heavy() -> (Town, Drive, Crowd) {
         let options = Options { traffic: Traffic::Heavy, frames: 150, ..Options::demo() };

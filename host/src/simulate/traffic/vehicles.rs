@@ -8,6 +8,7 @@ use super::{
 };
 use crate::simulate::{
     bodies::Car,
+    fleet,
     path::{Pace, Path, Stop, TimeTable},
     plan::{LANE_M, Plan},
     random::Random,
@@ -20,7 +21,8 @@ const DIRECTIONS: [[i64; 2]; 4] = [[1, 0], [0, 1], [-1, 0], [0, -1]];
 pub fn add_leader(cast: &mut Casting, random: &mut Random) {
     let (path, table) = (cast.drive.path().clone(), cast.drive.table().clone());
     let start_s = -table.time_s(f64::from(random.between(14.0, 20.0)));
-    cast.offer(Kind::Car(Car::draw(random)), Motion::Through { path, table, start_s });
+    let car = draw_car(cast, random);
+    cast.offer(car, Motion::Through { path, table, start_s });
 }
 
 /// A vehicle that shares some streets with the drive, ahead or behind, and comes from and goes elsewhere.
@@ -77,11 +79,8 @@ fn offer_route(
     random: &mut Random,
 ) {
     let Some(path) = lane(&cast.town.plan, nodes, f64::from(LANE_M)) else { return };
-    let kind = if random.chance(0.05) {
-        Kind::Truck(random.between(5.5, 8.0))
-    } else {
-        Kind::Car(Car::draw(random))
-    };
+    let kind =
+        if random.chance(0.05) { Kind::Truck(random.between(5.5, 8.0)) } else { draw_car(cast, random) };
     let cruise = f64::from(random.between(6.5, 11.0));
     let free = TimeTable::new(&path, &pace(cruise), None);
     let meeting_s = time_at(cast, &path, &free, meeting);
@@ -92,6 +91,10 @@ fn offer_route(
     });
     let table = TimeTable::new(&path, &pace(cruise), stop);
     cast.offer(kind, Motion::Through { path, table, start_s: at_s - meeting_s });
+}
+
+fn draw_car(cast: &Casting, random: &mut Random) -> Kind {
+    Kind::Car(if cast.town.varied { fleet::varied_car(random) } else { Car::draw(random) })
 }
 
 fn pace(cruise_mps: f64) -> Pace {

@@ -1,0 +1,84 @@
+"""Writes a trained network as ONNX, with the model.toml that goes with it.
+
+Batch norms are folded into the convolutions; the weights are stored in half precision and widened on loading.
+"""
+
+import argparse
+import copy
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from torch.nn.utils.fusion import fuse_conv_bn_eval
+
+from data import DEVIATIONS, FOV_DOWN_DEG, FOV_UP_DEG, MEANS, RAW_IDS
+from net import Net
+
+
+def folded(module):
+    """The same module without batch norms."""
+    module = copy.deepcopy(module).eval()
+    for child in module.modules():
+        if isinstance(child, torch.nn.Sequential) and len(child) > 1 and isinstance(child[1], torch.nn.BatchNorm2d):
+            transpose = isinstance(child[0], torch.nn.ConvTranspose2d)
+            child[0] = fuse_conv_bn_eval(child[0], child[1], transpose)
+            child[1] = torch.nn.Identity()
+    return module
+
+
+def model_toml(height, width):
+    numbers = lambda values: ", ".join(f"{v:.2f}" for v in values)
+    return f"""[image]
+height = {height}
+width = {width}
+fov_up_deg = {FOV_UP_DEG}
+fov_down_deg = {FOV_DOWN_DEG}
+
+[normalise]
+# range, x, y, z, remission
+means = [{numbers(MEANS)}]
+deviations = [{numbers(DEVIATIONS)}]
+
+[output]
+kind = "logits"
+# SemanticKITTI's raw id of each class, in the network's order.
+classes = {[ids[0] for ids in RAW_IDS]}
+"""
+
+
+def halve(path):
+    """Stores the weights of an ONNX file as float16: half the size, the same float32 arithmetic."""
+    model = onnx.load(path)
+    graph = model.graph
+    for tensor in list(graph.initializer):
+        values = onnx.numpy_helper.to_array(tensor)
+        if values.dtype != np.float32 or values.size < 64:
+            continue
+        graph.initializer.remove(tensor)
+        graph.initializer.append(onnx.numpy_helper.from_array(values.astype(np.float16), f"{tensor.name}.half"))
+        widen = onnx.helper.make_node("Cast", [f"{tensor.name}.half"], [tensor.name], to=onnx.TensorProto.FLOAT)
+        graph.node.insert(0, widen)
+    onnx.checker.check_model(model)
+    onnx.save(model, path)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("default.onnx"))
+    args = parser.parse_args()
+    saved = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
+    net = Net(*saved["channels"])
+    net.load_state_dict(saved["weights"])
+    image = torch.zeros(1, 5, saved["height"], saved["width"])
+    torch.onnx.export(
+        folded(net), (image,), args.out, opset_version=17, input_names=["image"], output_names=["logits"], dynamo=False
+    )
+    halve(args.out)
+    args.out.with_suffix(".toml").write_text(model_toml(saved["height"], saved["width"]))
+    print(f"{args.out}: {args.out.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
