@@ -104,8 +104,7 @@ pub(crate) struct Reader<'a> {
 impl<'a> Reader<'a> {
     /// Checks everything that can be checked before anything is restored.
     pub fn new(bytes: &'a [u8], profile: [u32; 7]) -> Result<Self, SnapshotError> {
-        let (header, rest) =
-            bytes.split_first_chunk::<HEADER_BYTES>().ok_or(SnapshotError::NotASnapshot)?;
+        let (header, rest) = bytes.split_first_chunk::<HEADER_BYTES>().ok_or(SnapshotError::NotASnapshot)?;
         let (magic, header_rest) = header.split_first_chunk().ok_or(SnapshotError::NotASnapshot)?;
         let (version, numbers) = header_rest.split_first_chunk().ok_or(SnapshotError::NotASnapshot)?;
         if *magic != MAGIC {

@@ -8,7 +8,8 @@ impl<const SETS: usize> VoxelMap<SETS> {
     pub(crate) fn save(&self, writer: &mut Writer<'_>) -> Result<(), SnapshotError> {
         writer.put(&(self.anchor, self.used, self.evicted))?;
         for (keys, voxels) in self.keys.iter().zip(&self.voxels) {
-            let taken = keys.iter().enumerate().fold(0u8, |bits, (way, key)| bits | u8::from(*key != 0) << way);
+            let taken =
+                keys.iter().enumerate().fold(0u8, |bits, (way, key)| bits | u8::from(*key != 0) << way);
             writer.put(&taken)?;
             for (key, voxel) in keys.iter().zip(voxels).filter(|(key, _)| **key != 0) {
                 writer.put(&(key.to_le_bytes(), voxel))?;
