@@ -23,6 +23,7 @@ use crate::motion_state::{
 };
 use crate::pose::{self, PlanarPose, Pose, compose};
 use crate::precise_pose::dense::{self, SourcePoint};
+use crate::precise_pose::elevation::Calibration;
 use crate::precise_pose::landmark_map::{self, MapLandmark};
 use crate::precise_pose::vertical;
 use crate::precise_pose::voxel_map::{Group, VoxelMap};
@@ -74,6 +75,7 @@ pub struct Odometry<
     tracks: Vec<Track, TRACKS>,
     visibility: Visibility<RANGE_COLUMNS>,
     source: Vec<SourcePoint, CELLS>,
+    calibration: Calibration,
     voxels: VoxelMap<VOXEL_SETS>,
     map_landmarks: Vec<MapLandmark, MAP_LANDMARKS>,
 }
@@ -110,6 +112,7 @@ impl<
             tracks: Vec::new(),
             visibility: Visibility::new(),
             source: Vec::new(),
+            calibration: Calibration::new(),
             voxels: VoxelMap::new(),
             map_landmarks: Vec::new(),
         })
@@ -135,6 +138,7 @@ impl<
         self.previous_landmarks.clear();
         self.tracks.clear();
         self.visibility.clear();
+        self.calibration.clear();
         self.voxels.clear();
         self.map_landmarks.clear();
     }
@@ -159,7 +163,8 @@ impl<
         let predicted = self.motion.predict(period_s);
 
         // 3.1.2: what each point is
-        evidence.points = label_filter::filter(&self.config.label_filter, scan.points, &mut self.cells);
+        evidence.points =
+            label_filter::filter(&self.config.label_filter, &self.calibration, scan.points, &mut self.cells);
         observer.finished(Stage::LabelFilter);
 
         // 3.1.2: instances
@@ -449,12 +454,16 @@ impl<
         let config = &self.config.precise_pose;
         let (pose, path_m) = (self.motion.local_from_sensor, self.motion.path_m);
         if config.dense.enabled {
+            let heights = dense::ground_heights(&config.voxels, &self.voxels, path_m, &self.source, &pose);
+            self.calibration.learn(&config.elevation, heights);
             let rotation = *pose.rotation.to_rotation_matrix().matrix();
             for cell in self.cells.cells() {
                 let Some(group) = group_of(cell, &self.landmarks) else { continue };
-                let mean = (pose * Point3::from(cell.mean())).coords;
+                let seen = cell.mean();
+                let mean = (pose * Point3::from(seen)).coords;
                 let covariance = rotation * cell.covariance() * rotation.transpose();
-                self.voxels.merge(&config.voxels, group, path_m, &mean, &covariance, cell.count() as f32);
+                let weight = cell.count() as f32 * config.voxels.point_weight(group, seen.norm_squared());
+                self.voxels.merge(&config.voxels, group, path_m, &mean, &covariance, weight);
             }
         }
         if config.horizontal {

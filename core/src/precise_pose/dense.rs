@@ -207,6 +207,25 @@ pub fn score<const SETS: usize>(
     scored.sum()
 }
 
+/// The ground points of a registered scan [m, sensor frame] with their heights [m] above the submap's ground.
+pub fn ground_heights<'a, const SETS: usize>(
+    map_config: &'a voxel_map::Config,
+    map: &'a VoxelMap<SETS>,
+    path_m: f32,
+    source: &'a [SourcePoint],
+    local_from_sensor: &'a Pose,
+) -> impl Iterator<Item = (Vector3<f32>, f32)> + 'a {
+    source.iter().filter(|point| point.group == Group::Ground).filter_map(move |point| {
+        let p = (local_from_sensor * nalgebra::Point3::from(point.position)).coords;
+        let (voxel, mean) = map.find(map_config, &p, point.group, path_m)?;
+        let a = voxel.across().next()?;
+        let deviations = a.dot(&(p - mean));
+        let along_normal = deviations / a.norm();
+        let height = if a.z < 0.0 { -along_normal } else { along_normal };
+        (deviations * deviations < 9.0).then_some((point.position, height))
+    })
+}
+
 fn accumulate<'a, const SETS: usize>(
     map_config: &voxel_map::Config,
     map: &VoxelMap<SETS>,
@@ -230,11 +249,14 @@ fn accumulate<'a, const SETS: usize>(
         let p = arm + local_from_sensor.translation.vector;
         let Some((voxel, mean)) = map.find(map_config, &p, point.group, path_m) else { continue };
         let residual = p - mean;
-        let mahalanobis2: f32 = voxel.across().map(|a| square(a.dot(&residual))).sum();
+        // An error of the elevation lifts a point the more, the farther it is.
+        let lift2 = square(map_config.elevation_noise_rad) * arm.norm_squared();
+        let share = |a: &Vector3<f32>| 1.0 / (1.0 + lift2 * a.z * a.z);
+        let mahalanobis2: f32 = voxel.across().map(|a| square(a.dot(&residual)) * share(&a)).sum();
         // Geman-McClure: outliers end with no weight.
         let w = square(kernel2 / (kernel2 + mahalanobis2));
         for a in voxel.across() {
-            sum.add(&a, &arm.cross(&a), a.dot(&residual), w);
+            sum.add(&a, &arm.cross(&a), a.dot(&residual), w * share(&a));
         }
         sum.squared_m2 += w * mahalanobis2 * map_config.noise_m * map_config.noise_m;
         sum.weight += w;

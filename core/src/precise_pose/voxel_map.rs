@@ -104,6 +104,9 @@ pub struct Config {
     pub window_m: f32,
     /// Standard deviation of a range measurement [m].
     pub noise_m: f32,
+    /// Standard deviation of what the calibration leaves in a beam's elevation [rad], times the square root of the number
+    /// of cells that share the error.
+    pub elevation_noise_rad: f32,
     /// Points a voxel remembers; later ones displace earlier ones.
     pub max_weight: f32,
     /// Points before a voxel is used.
@@ -112,12 +115,28 @@ pub struct Config {
 
 impl Config {
     /// Defaults.
-    pub const DEFAULT: Self =
-        Self { voxel_m: 1.0, window_m: 60.0, noise_m: 0.03, max_weight: 2000.0, min_weight: 8.0 };
+    pub const DEFAULT: Self = Self {
+        voxel_m: 1.0,
+        window_m: 60.0,
+        noise_m: 0.03,
+        elevation_noise_rad: 0.001,
+        max_weight: 2000.0,
+        min_weight: 8.0,
+    };
+
+    /// Weight of a point of a group, seen from a distance whose square is given [m2], against one nearby.
+    pub fn point_weight(&self, group: Group, distance2_m2: f32) -> f32 {
+        let ratio = self.elevation_noise_rad / self.noise_m;
+        if group == Group::Ground { 1.0 / (1.0 + ratio * ratio * distance2_m2) } else { 1.0 }
+    }
 
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if !(self.voxel_m >= 0.1 && self.voxel_m <= 5.0) {
             return Err(ParameterError { parameter: "precise_pose.voxels.voxel_m", expected: "0.1 to 5 m" });
+        }
+        if !(self.elevation_noise_rad >= 0.0) {
+            let parameter = "precise_pose.voxels.elevation_noise_rad";
+            return Err(ParameterError { parameter, expected: "zero or positive" });
         }
         if !(self.window_m > 0.0 && self.noise_m > 0.0 && self.max_weight >= 1.0 && self.min_weight >= 1.0) {
             let parameter = "precise_pose.voxels.window_m, noise_m, max_weight and min_weight";
@@ -204,7 +223,7 @@ impl<const SETS: usize> VoxelMap<SETS> {
         usable.then(|| (voxel, centre + Vector3::from(voxel.mean)))
     }
 
-    /// Merges `count` points with the given mean [m] and covariance [m2] (local frame) into their voxel.
+    /// Merges points of weight `count` with the given mean [m] and covariance [m2] (local frame) into their voxel.
     pub fn merge(
         &mut self,
         config: &Config,
