@@ -91,7 +91,10 @@ pub fn cluster<const N: usize>(
     }
     let parents = &mut scratch.parents;
     parents.clear();
-    parents.extend((0..points.len().min(N)).map(|i| i as u16));
+    for i in 0..points.len().min(N) {
+        // As many as fit.
+        let _ = parents.push(i as u16);
+    }
     join_cores(points, &grid, parents);
     attach_borders(points, &grid, parents);
     number(points, parents)
