@@ -1,8 +1,11 @@
 //! The core never allocates: an allocator counts every call while whole frames are processed.
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc, reset_violation_count, violation_count};
+use sdslam_core::loop_closure::{self, FeatureExtractor, LoopDetector};
+use sdslam_core::pose;
 use sdslam_core::{Config, FrameStatus, FullScanOdometry, LabelledPoint, LabelledScan};
 use sdslam_tests::drive::{Drive, Frame};
+use sdslam_tests::loops;
 use sdslam_tests::odometry::{TinyOdometry, full_scan, on_heap};
 
 #[global_allocator]
@@ -80,5 +83,27 @@ fn full_buffers_do_not_allocate() {
         let (estimate, calls) = allocations(|| tiny.process_scan(&mut scan));
         let buffers = estimate.expect("the stamps are in order").evidence.buffers;
         assert!(calls == 0 && buffers.cells_refused > 0, "{calls} calls, {buffers:?}");
+    }
+}
+
+#[test]
+fn loops_are_found_without_allocating() {
+    let drive = Drive::down_the_street(12, 8.0);
+    for config in [loop_closure::Config::DEFAULT, loop_closure::Config::PAPER] {
+        let mut extractor = loops::on_heap(FeatureExtractor::<4096>::new);
+        // So small that places are forgotten.
+        let mut detector: Box<LoopDetector<4, 512>> = loops::detector(config);
+        let mut found = 0;
+        for frame in drive.frames.iter().chain(&drive.frames) {
+            let ((), calls) = allocations(|| {
+                extractor.clear();
+                extractor.add(&config, &frame.points, &pose::IDENTITY);
+                let features = extractor.finish(&config);
+                found += detector.query(&features, None).len();
+                detector.add(0, frame.stamp_s, &features);
+            });
+            assert_eq!(calls, 0, "{:?} at {} s", config.rule, frame.stamp_s);
+        }
+        assert!(found > 0 && detector.forgotten() > 0);
     }
 }

@@ -1,7 +1,7 @@
 //! All parameters: one table per stage, checked once.
 
 use crate::error::ParameterError;
-use crate::{instances, label_filter, motion_state, precise_pose, preliminary_pose};
+use crate::{instances, label_filter, loop_closure, motion_state, precise_pose, preliminary_pose};
 
 /// All parameters, one table per stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +17,8 @@ pub struct Config {
     pub motion_state: motion_state::Config,
     /// Precise pose (section 3.4).
     pub precise_pose: precise_pose::Config,
+    /// Loop closure (section 3.5).
+    pub loop_closure: loop_closure::Config,
 }
 
 impl Config {
@@ -28,6 +30,7 @@ impl Config {
             preliminary_pose: preliminary_pose::Config::DEFAULT,
             motion_state: motion_state::Config::DEFAULT,
             precise_pose: precise_pose::Config::DEFAULT,
+            loop_closure: loop_closure::Config::DEFAULT,
         }
     }
 
@@ -39,6 +42,7 @@ impl Config {
             preliminary_pose: preliminary_pose::Config::PAPER,
             motion_state: motion_state::Config::PAPER,
             precise_pose: precise_pose::Config::PAPER,
+            loop_closure: loop_closure::Config::PAPER,
         }
     }
 
@@ -56,7 +60,10 @@ impl Config {
         if let Err(error) = self.motion_state.check() {
             return Err(error);
         }
-        self.precise_pose.check()
+        if let Err(error) = self.precise_pose.check() {
+            return Err(error);
+        }
+        self.loop_closure.check()
     }
 }
 

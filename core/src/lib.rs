@@ -26,6 +26,8 @@ pub mod motion_state;
 
 pub mod precise_pose;
 
+pub mod loop_closure;
+
 mod ego_motion;
 
 // Mathematics without a word of SLAM

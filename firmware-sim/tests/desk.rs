@@ -52,6 +52,7 @@ impl SimulatedDrive {
             end_frame: None,
             config,
             threads: 1,
+            save_map: None,
             overwrite: false,
             record: Some(self.recording()),
             out: self.folder.path().join("out"),

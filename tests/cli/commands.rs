@@ -5,7 +5,7 @@ use crate::support::*;
 #[test]
 fn help_explains_every_subcommand_with_an_example() {
     let help = text(sdslam(["--help"]).success());
-    for command in ["run", "evaluate", "simulate", "demo", "config", "completions"] {
+    for command in ["run", "localize", "evaluate", "simulate", "demo", "config", "completions"] {
         assert!(help.contains(&format!("\n  {command} ")), "{command} is not in the help");
         let own = text(sdslam([command, "--help"]).success());
         assert!(own.contains(&format!("sdslam {command}")) && own.contains("Example"), "{own}");
@@ -22,13 +22,26 @@ fn help_lists_the_exit_codes() {
 
 #[test]
 fn wrong_command_lines_exit_with_2() {
-    let wrong: [&[&str]; 6] = [
+    let wrong: [&[&str]; 7] = [
         &[],
         &["fly"],
         &["run"],
         &["run", "--dataset", ".", "--sequence", "00", "--out", "x", "--frames", "3..2"],
         &["run", "--dataset", ".", "--sequence", "00", "--out", "x", "--threads", "0"],
         &["evaluate"],
+        &[
+            "localize",
+            "--map",
+            "m",
+            "--dataset",
+            ".",
+            "--sequence",
+            "00",
+            "--out",
+            "x",
+            "--initial-pose",
+            "1,2",
+        ],
     ];
     for arguments in wrong {
         sdslam(arguments.iter().copied()).code(USAGE);

@@ -128,3 +128,37 @@ fn a_read_only_output_folder_is_named() {
     let refusal = errors(drive.run(&[]).code(OUTPUT));
     assert!(refusal.contains(path(&folder)), "{refusal}");
 }
+
+#[test]
+fn a_map_is_saved_once_and_read_back_only_intact() {
+    let drive = Drive::new();
+    let map = drive.file("street.map", "not a map");
+    let refusal = errors(drive.run(&["--save-map", path(&map)]).code(OUTPUT));
+    assert!(refusal.contains("street.map") && refusal.contains("--overwrite"), "{refusal}");
+    drive.run(&["--save-map", path(&map), "--overwrite"]).success();
+
+    let whole = fs::read(&map).expect("a map");
+    let data = drive.data("");
+    let out = drive.file("later", "");
+    fs::remove_file(&out).expect("removable");
+    let localize = || {
+        let place = ["--sequence", "00", "--initial-pose", "0,0,0"];
+        let files = ["localize", "--map", path(&map), "--dataset", path(&data), "--out", path(&out)];
+        sdslam(files.into_iter().chain(place))
+    };
+    let faults: [(&str, Vec<u8>); 3] = [
+        ("no map of sdslam", b"ply\n".to_vec()),
+        ("cut short", whole[..whole.len() - 9].to_vec()),
+        ("checksum", whole.iter().rev().skip(1).rev().copied().chain([!whole[whole.len() - 1]]).collect()),
+    ];
+    for (said, bytes) in faults {
+        fs::write(&map, bytes).expect("writable");
+        let refusal = errors(localize().code(INPUT));
+        assert!(refusal.contains("street.map") && refusal.contains(said), "{refusal}");
+        assert!(!out.exists(), "nothing may be written");
+    }
+    fs::write(&map, &whole).expect("writable");
+    let table = text(localize().success());
+    assert!(table.contains("tracked"), "{table}");
+    assert_eq!(fs::read(&map).expect("a map"), whole);
+}

@@ -14,12 +14,19 @@ pub const CONFIGURATION: i32 = 5;
 
 pub const FRAMES: usize = 6;
 /// Every file of a run besides the motion labels.
-pub const FILES: [&str; 10] = [
+pub const FILES: [&str; 17] = [
     "poses_kitti.txt",
+    "poses_odometry.txt",
     "poses_tum.txt",
+    "loops.csv",
+    "graph.g2o",
     "metrics.json",
     "landmarks.csv",
     "map.ply",
+    "map.pcd",
+    "map.png",
+    "grid.pgm",
+    "grid.yaml",
     "trajectory.svg",
     "config.toml",
     "run.log",

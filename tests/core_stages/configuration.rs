@@ -9,7 +9,7 @@ use sdslam_tests::world::Lidar;
 #[test]
 fn a_wrong_parameter_is_named() {
     type Spoil = fn(&mut Config);
-    let wrong: [(&str, Spoil); 12] = [
+    let wrong: [(&str, Spoil); 16] = [
         ("label_filter.min_range_m", |c| c.label_filter.min_range_m = 0.0),
         ("label_filter.max_range_m", |c| c.label_filter.max_range_m = 1.0),
         ("label_filter.small_cell_m", |c| c.label_filter.small_cell_m = f32::NAN),
@@ -21,6 +21,10 @@ fn a_wrong_parameter_is_named() {
         ("precise_pose.horizontal", |c| c.precise_pose.dense.enabled = false),
         ("precise_pose.voxels.voxel_m", |c| c.precise_pose.voxels.voxel_m = 0.01),
         ("precise_pose.dense.max_iterations", |c| c.precise_pose.dense.max_iterations = 0),
+        ("loop_closure.column_m", |c| c.loop_closure.column_m = 0.0),
+        ("loop_closure.neighbours", |c| c.loop_closure.neighbours = 13),
+        ("loop_closure.side_tolerance_m", |c| c.loop_closure.side_tolerance_m = f32::NAN),
+        ("loop_closure.bow3d.min_matches", |c| c.loop_closure.bow3d.min_matches = 2),
         ("swarm.particles", |c| c.precise_pose.hulls.swarm.particles = 65),
     ];
     for (name, spoil) in wrong {

@@ -67,6 +67,7 @@ impl Args {
             end_frame: None,
             config,
             threads: 2,
+            save_map: None,
             overwrite: self.overwrite,
             record: None,
             out: self.out.join("results"),

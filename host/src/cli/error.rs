@@ -48,10 +48,15 @@ impl CliError {
             | Self::Simulate(SimulateError::Parameter { .. }) => USAGE,
             Self::Dataset(_)
             | Self::Evaluate(_)
-            | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_)) => INPUT,
+            | Self::Run(RunError::Dataset(_) | RunError::FirstScan(_) | RunError::SavedMap(_)) => INPUT,
             Self::Simulate(_) | Self::Run(RunError::Output(_)) | Self::Stdout(_) => OUTPUT,
             Self::Config(_) | Self::Run(RunError::Config(_) | RunError::Parameter(_)) => CONFIGURATION,
-            Self::Run(RunError::Odometry { .. } | RunError::Memory { .. } | RunError::Evaluate(_)) => FAILED,
+            Self::Run(
+                RunError::Odometry { .. }
+                | RunError::Memory { .. }
+                | RunError::Graph(_)
+                | RunError::Evaluate(_),
+            ) => FAILED,
         }
     }
 }

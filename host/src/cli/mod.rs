@@ -5,6 +5,7 @@ mod demo;
 mod error;
 mod evaluate;
 mod frames;
+mod localize;
 mod progress;
 mod run;
 mod simulate;
@@ -36,6 +37,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::Args),
+    Localize(localize::Args),
     Evaluate(evaluate::Args),
     Simulate(simulate::Args),
     Demo(demo::Args),
@@ -57,6 +59,7 @@ impl Cli {
     pub fn execute(self) -> Result<(), CliError> {
         match self.command {
             Command::Run(args) => args.execute(),
+            Command::Localize(args) => args.execute(),
             Command::Evaluate(args) => args.execute(),
             Command::Simulate(args) => args.execute(),
             Command::Demo(args) => args.execute(),

@@ -11,7 +11,8 @@ use crate::run::{self, Request, Summary};
 /// Run the SLAM on a drive.
 ///
 /// Reads DATASET/sequences/NN and writes to OUT/NN: poses_kitti.txt (camera frame), poses_tum.txt (sensor frame),
-/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
+/// poses_odometry.txt, loops.csv, graph.g2o,
+/// metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, map.pcd, map.png, grid.pgm, grid.yaml, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table
 /// of the results is printed at the end.
 ///
 /// A scan that is missing or broken in the middle of a drive does not stop the run: its pose is predicted, and run.log
@@ -37,6 +38,9 @@ pub(super) struct Args {
     /// Frames to run on, from A up to but without B; A.. and ..B leave the other end open. Default: all.
     #[arg(long, value_name = "A..B")]
     frames: Option<FrameRange>,
+    /// Save the map here for `sdslam localize`.
+    #[arg(long, value_name = "FILE")]
+    save_map: Option<PathBuf>,
     /// Replace the files of an earlier run in OUT/NN. Nothing else is deleted.
     #[arg(long)]
     overwrite: bool,
@@ -67,11 +71,14 @@ pub(super) struct Options {
     /// odometry benchmark are compensated already.
     #[arg(long)]
     deskew: bool,
+    /// Close no loops: the trajectory is the odometry's, and the map with it.
+    #[arg(long)]
+    no_loop_closure: bool,
 }
 
 impl Options {
     /// The configuration with what was typed on top.
-    fn config(&self) -> Result<HostConfig, CliError> {
+    pub(super) fn config(&self) -> Result<HostConfig, CliError> {
         let mut config = match &self.config {
             Some(file) => HostConfig::load(file, self.preset)?,
             None => HostConfig::of_preset(self.preset.unwrap_or_default()),
@@ -80,6 +87,7 @@ impl Options {
             config.input.elevation_correction_deg = 0.0;
         }
         config.input.deskew |= self.deskew;
+        config.loops.enabled &= !self.no_loop_closure;
         Ok(config)
     }
 }
@@ -100,6 +108,7 @@ impl Args {
             first_frame: frames.first,
             end_frame: frames.end,
             threads: self.threads.into(),
+            save_map: self.save_map,
             overwrite: self.overwrite,
             record: self.record,
             out: self.out,

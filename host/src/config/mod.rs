@@ -52,6 +52,28 @@ pub struct MapConfig {
     pub min_points: u32,
 }
 
+/// Loop closure (section 3.5): what becomes of the loops that the core proposes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoopConfig {
+    /// Look for loops and correct the trajectory and the map by them.
+    pub enabled: bool,
+    /// Path between keyframes \[m\].
+    pub keyframe_m: f64,
+    /// Path between two accepted loops \[m\].
+    pub spacing_m: f64,
+    /// Proposals of the features that are refined per keyframe.
+    pub max_candidates: u32,
+    /// The registration may end this far from the proposal \[m\].
+    pub max_correction_m: f32,
+    /// Share of the points above ground that must lie on something of their kind, 0..1.
+    pub min_overlap: f32,
+    /// Share of those that must fit it, 0..1.
+    pub min_fit: f32,
+    /// Share of the old place that may have been seen through from the new one, 0..1.
+    pub max_seen_through: f32,
+}
+
 /// Every parameter of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HostConfig {
@@ -61,6 +83,8 @@ pub struct HostConfig {
     pub input: InputConfig,
     /// The voxel map.
     pub map: MapConfig,
+    /// Loop closure.
+    pub loops: LoopConfig,
     /// The stages of the core, one table each.
     pub core: CoreConfig,
 }
@@ -86,9 +110,45 @@ impl Default for MapConfig {
     }
 }
 
+impl Default for LoopConfig {
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            keyframe_m: 2.0,
+            spacing_m: 4.0,
+            max_candidates: 2,
+            max_correction_m: 2.0,
+            min_overlap: 0.5,
+            min_fit: 0.7,
+            max_seen_through: 0.05,
+        }
+    }
+}
+
 impl Default for HostConfig {
     fn default() -> Self {
         Self::of_preset(Preset::default())
+    }
+}
+
+impl LoopConfig {
+    fn check(&self) -> Option<(&'static str, &'static str)> {
+        let is_share = |share: f32| (0.0..=1.0).contains(&share);
+        if !(0.5..=20.0).contains(&self.keyframe_m) {
+            Some(("loops.keyframe_m", "between 0.5 and 20"))
+        } else if !(0.0..=1000.0).contains(&self.spacing_m) {
+            Some(("loops.spacing_m", "between 0 and 1000"))
+        } else if !(0.0..=20.0).contains(&self.max_correction_m) {
+            Some(("loops.max_correction_m", "between 0 and 20"))
+        } else if !is_share(self.min_overlap) {
+            Some(("loops.min_overlap", "between 0 and 1"))
+        } else if !is_share(self.min_fit) {
+            Some(("loops.min_fit", "between 0 and 1"))
+        } else if !is_share(self.max_seen_through) {
+            Some(("loops.max_seen_through", "between 0 and 1"))
+        } else {
+            None
+        }
     }
 }
 
@@ -99,7 +159,8 @@ impl HostConfig {
             Preset::Accurate => CoreConfig::accurate(),
             Preset::Paper => CoreConfig::paper(),
         };
-        Self { preset, input: InputConfig::default(), map: MapConfig::default(), core }
+        let (input, map, loops) = Default::default();
+        Self { preset, input, map, loops, core }
     }
 
     /// Reads `file` over a preset: `preset` if given, else the one the file names, else `accurate`.
@@ -147,21 +208,26 @@ impl HostConfig {
         } else if !(1.0..=200.0).contains(&self.map.max_range_m) {
             Some(("map.max_range_m", "between 1 and 200"))
         } else {
-            None
+            self.loops.check()
         }
     }
 
     /// All values as nested tables: `preset`, `input`, `map` and one table per stage of the core.
     fn to_table(&self) -> Table {
         let mut table = as_table(&self.core);
-        table.extend(as_table(&HostTables { preset: self.preset, input: self.input, map: self.map }));
+        table.extend(as_table(&HostTables {
+            preset: self.preset,
+            input: self.input,
+            map: self.map,
+            loops: self.loops,
+        }));
         table
     }
 
     fn from_table(mut table: Table) -> Result<Self, toml::de::Error> {
         let host: Table = HostTables::KEYS.into_iter().filter_map(|key| table.remove_entry(key)).collect();
-        let HostTables { preset, input, map } = host.try_into()?;
-        Ok(Self { preset, input, map, core: table.try_into()? })
+        let HostTables { preset, input, map, loops } = host.try_into()?;
+        Ok(Self { preset, input, map, loops, core: table.try_into()? })
     }
 }
 
@@ -171,6 +237,7 @@ struct HostTables {
     preset: Preset,
     input: InputConfig,
     map: MapConfig,
+    loops: LoopConfig,
 }
 
 /// The preset that a file names.
@@ -180,7 +247,7 @@ struct NamedPreset {
 }
 
 impl HostTables {
-    const KEYS: [&str; 3] = ["preset", "input", "map"];
+    const KEYS: [&str; 4] = ["preset", "input", "map", "loops"];
 }
 
 fn as_table(tables: &impl Serialize) -> Table {

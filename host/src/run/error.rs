@@ -7,6 +7,8 @@ use sdslam_core::{OdometryError, ParameterError};
 use crate::config::ConfigError;
 use crate::dataset::DatasetError;
 use crate::evaluate::EvaluateError;
+use crate::pose_graph::GraphError;
+use crate::saved_map::SavedMapError;
 
 /// Why a run stopped. Faults of single scans do not stop it: they are counted and written to run.log.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +52,12 @@ pub enum RunError {
         /// What the system says, if it spoke.
         source: Option<std::io::Error>,
     },
+    /// The pose graph cannot be built or solved.
+    #[error("the pose graph failed")]
+    Graph(#[from] GraphError),
+    /// The saved map cannot be used.
+    #[error(transparent)]
+    SavedMap(#[from] SavedMapError),
     /// Results do not go together with what they are compared with.
     #[error(transparent)]
     Evaluate(#[from] EvaluateError),
@@ -66,6 +74,12 @@ pub enum OutputError {
     #[error("{} is not empty; give another --out, or --overwrite to replace the files of an earlier run", .path.display())]
     Exists {
         /// The folder.
+        path: PathBuf,
+    },
+    /// There is such a file already.
+    #[error("{} is there already; give another path, or --overwrite to replace it", .path.display())]
+    FileExists {
+        /// The file.
         path: PathBuf,
     },
     /// The folder or file cannot be written.

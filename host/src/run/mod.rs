@@ -4,18 +4,23 @@
 //!
 //! | file | content |
 //! | --- | --- |
-//! | `poses_kitti.txt` | one pose a frame, camera frame, 12 numbers a line |
-//! | `poses_tum.txt` | `stamp x y z qx qy qz qw` of the sensor in the map \[s, m\] |
+//! | `poses_kitti.txt` | one pose a frame, corrected by loops, camera frame, 12 numbers a line |
+//! | `poses_odometry.txt` | the same before any correction |
+//! | `poses_tum.txt` | `stamp x y z qx qy qz qw` of the sensor in the map, corrected by loops \[s, m\] |
+//! | `loops.csv` | proposed loops: frames, pose of the new sensor in the old one, evidence, accepted or why not |
+//! | `graph.g2o` | keyframes, odometry and accepted loops |
 //! | `metrics.json` | errors against the ground truth, counts, times, memory |
 //! | `landmarks.csv` | landmarks of every frame: centre \[m\] and velocity \[m/s\] in the map |
 //! | `motion/NNNNNN.label` | the input's labels with 252..259 where a landmark was recognised as dynamic |
-//! | `map.ply` | static semantic voxel map |
+//! | `map.ply`, `map.pcd` | static semantic voxel map: position, colour, class, confidence, intensity, count |
+//! | `map.png` | the map from above |
+//! | `grid.pgm`, `grid.yaml` | obstacles and free ground from above, as ROS' map_server reads them |
 //! | `trajectory.svg` | the drive from above |
 //! | `config.toml` | the configuration that was used |
 //! | `run.log` | what happened: fallbacks, drops, warnings |
 //! | `ms.txt`, `cpu_ms.txt` | wall and CPU time of the core per frame \[ms\] |
 //!
-//! The map frame is the sensor frame of the first scan. Only `metrics.json`, `ms.txt` and `cpu_ms.txt` hold times of this machine:
+//! The map frame is the sensor frame of the first scan. `landmarks.csv` and `trajectory.svg` are in the frame of the odometry. Only `metrics.json`, `ms.txt` and `cpu_ms.txt` hold times of this machine:
 //! the others are the same, byte for byte, from run to run and for any number of threads.
 //!
 //! A scan that is missing or cannot be read becomes an empty one at its stamp, so its pose is the prediction and every
@@ -24,7 +29,7 @@
 
 mod error;
 mod journal;
-mod mapping;
+mod localise;
 mod motion;
 mod output;
 mod picture;
@@ -34,19 +39,19 @@ mod scans;
 mod stopwatch;
 mod summary;
 mod tally;
-mod voxel_map;
 
 use std::ops::Range;
 use std::path::PathBuf;
 
-use sdslam_core::{
-    Config as CoreConfig, FrameEstimate, FrameStatus, FullScanOdometry, LabelledScan, MapPose,
-};
+use sdslam_core::{FrameEstimate, FullScanOdometry, LabelledScan, MapPose};
 
 use crate::config::HostConfig;
 use crate::dataset::{self, Sequence};
+use crate::heap::on_heap;
+use crate::loops::{BackEnd, BackEndScan, Beside};
+use crate::saved_map::SavedMap;
 pub use error::{OutputError, RunError};
-use mapping::Mapping;
+pub use localise::{LocaliseRequest, LocaliseSummary, localise};
 pub use motion::MovingLandmarks;
 use output::OutputFolder;
 use record::Recorder;
@@ -55,7 +60,6 @@ use scans::Stamps;
 pub use stopwatch::Milliseconds;
 use stopwatch::Stopwatch;
 pub use summary::{MovingScore, Summary};
-use voxel_map::VoxelMap;
 
 /// What to run on, and where the results go.
 #[derive(Clone, Debug)]
@@ -74,6 +78,8 @@ pub struct Request {
     pub config: HostConfig,
     /// 1: one thing after the other; more: the next scan is read and the map grows meanwhile. The results are the same.
     pub threads: usize,
+    /// Where the map is saved for later drives, if it is.
+    pub save_map: Option<PathBuf>,
     /// Replace the files of an earlier run.
     pub overwrite: bool,
     /// Write every scan to this file too, as the core gets it, for replays by the firmware.
@@ -102,10 +108,13 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     let ground_truth = sequence.ground_truth()?;
     // Without the first scan there is nothing to start from, and nothing is written.
     sequence.read(frames.start).map_err(RunError::FirstScan)?;
-    let mut odometry = odometry_on_heap(config.core)?;
+    let core = config.core;
+    let mut odometry = on_heap(move || FullScanOdometry::new(core))?;
     let folder = OutputFolder::create(&request.out.join(&request.sequence), request.overwrite)?;
+    let map_file =
+        request.save_map.as_deref().map(|path| output::begin_file(path, request.overwrite)).transpose()?;
     let mut recorder = Recorder::new(request, &sequence, frames.clone(), ground_truth, folder)?;
-    let mut mapping = Mapping::start(VoxelMap::new(config.map), request.threads);
+    let mut back_end = Beside::start(Box::new(BackEnd::new(config)?), request.threads);
     let mut recording = request.record.as_deref().map(Recording::create).transpose()?;
     let mut stamps = Stamps::default();
     let mut recent = RecentMotion::default();
@@ -134,25 +143,19 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
 
         recent.push(&estimate);
         recorder.record(&scan, &points, &estimate, &odometry)?;
-        if !matches!(estimate.status, FrameStatus::Predicted(_)) {
-            mapping.add(points, estimate.map_from_sensor);
-        }
+        back_end.add(BackEndScan { intensities: scan.intensities(), points, estimate })?;
         progress(scan.frame + 1 - frames.start, frames.len());
         Ok(())
     })?;
 
     recording.map_or(Ok(()), Recording::finish)?;
-    recorder.finish(&sequence, &mapping.finish())
-}
-
-/// The odometry is too large for a usual stack, on which it is built before it moves to the heap.
-fn odometry_on_heap(config: CoreConfig) -> Result<Box<FullScanOdometry>, RunError> {
-    let bytes = size_of::<FullScanOdometry>();
-    let builder = std::thread::Builder::new().stack_size(4 * bytes + (1 << 20));
-    let build = move || FullScanOdometry::new(config).map(Box::new);
-    let thread = builder.spawn(build).map_err(|source| RunError::Memory { bytes, source: Some(source) })?;
-    let built = thread.join().map_err(|_| RunError::Memory { bytes, source: None })?;
-    Ok(built?)
+    let result = back_end.finish()?;
+    let summary = recorder.finish(&sequence, &result)?;
+    if let Some(mut file) = map_file {
+        file.append(&SavedMap::new(result.map, result.places).to_bytes())?;
+        file.finish()?;
+    }
+    Ok(summary)
 }
 
 /// The last step of the vehicle, for undoing its motion during a scan.

@@ -74,6 +74,18 @@ impl PendingFile {
     }
 }
 
+/// Begins a file of any path; one that is there already is refused unless `overwrite`.
+pub(super) fn begin_file(path: &Path, overwrite: bool) -> Result<PendingFile, OutputError> {
+    if !overwrite && path.exists() {
+        return Err(OutputError::FileExists { path: path.into() });
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::create_dir_all(folder).map_err(writing(folder))?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let temporary = temporary_beside(folder, &name).map_err(writing(path))?;
+    Ok(PendingFile { writer: BufWriter::new(temporary), path: path.into() })
+}
+
 fn temporary_beside(folder: &Path, name: &str) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     let prefix = format!(".{name}.");

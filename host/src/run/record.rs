@@ -15,11 +15,11 @@ use super::scans::InputScan;
 use super::stopwatch::{FrameTimes, Times};
 use super::summary::{Metrics, MovingScore, Summary};
 use super::tally::{self, Tally};
-use super::voxel_map::VoxelMap;
 use super::{Request, RunError};
 use crate::config::HostConfig;
 use crate::dataset::{DatasetError, Sequence, labels, trajectory};
 use crate::evaluate::{self, LabelConfusion, TrajectoryErrors};
+use crate::loops::BackEndResult;
 
 /// Everything that is kept until the end of the run.
 pub(super) struct Recorder {
@@ -154,28 +154,42 @@ impl Recorder {
     }
 
     /// Evaluates and writes everything that is not written yet.
-    pub(super) fn finish(self, sequence: &Sequence, map: &VoxelMap) -> Result<Summary, RunError> {
+    pub(super) fn finish(self, sequence: &Sequence, result: &BackEndResult) -> Result<Summary, RunError> {
         let camera_from_sensor = sequence.camera_from_sensor();
-        let camera_poses: Vec<MapPose> = self
-            .map_from_sensor
-            .iter()
-            .map(|map_from_sensor| camera_from_sensor * map_from_sensor * camera_from_sensor.inverse())
-            .collect();
+        let to_camera = |poses: &[MapPose]| -> Vec<MapPose> {
+            let in_camera = |pose: &MapPose| camera_from_sensor * pose * camera_from_sensor.inverse();
+            poses.iter().map(in_camera).collect()
+        };
+        let (corrected, odometry) = (to_camera(&result.map_from_sensor), to_camera(&self.map_from_sensor));
         let folder = &self.folder;
-        folder.write("poses_kitti.txt", trajectory::write_kitti(&camera_poses).as_bytes())?;
-        let tum = trajectory::write_tum(&self.stamps_s, &self.map_from_sensor);
+        folder.write("poses_kitti.txt", trajectory::write_kitti(&corrected).as_bytes())?;
+        folder.write("poses_odometry.txt", trajectory::write_kitti(&odometry).as_bytes())?;
+        let tum = trajectory::write_tum(&self.stamps_s, &result.map_from_sensor);
         folder.write("poses_tum.txt", tum.as_bytes())?;
-        folder.write("map.ply", &map.to_ply())?;
+        self.write_map(result)?;
         folder.write("trajectory.svg", self.picture(sequence).as_bytes())?;
         folder.write("config.toml", self.config.render().as_bytes())?;
         folder.write("run.log", self.journal.to_text().as_bytes())?;
         folder.write("ms.txt", self.times.lines().as_bytes())?;
         folder.write("cpu_ms.txt", self.times.cpu_lines().as_bytes())?;
-        let errors = self.errors(&camera_poses);
-        let summary = self.summary(sequence, errors, map);
+        let errors = [self.errors(&corrected), self.errors(&odometry)];
+        let summary = self.summary(sequence, errors, result);
         folder.write("metrics.json", self.metrics(&summary).as_bytes())?;
         self.landmarks_csv.finish()?;
         Ok(summary)
+    }
+
+    fn write_map(&self, result: &BackEndResult) -> Result<(), RunError> {
+        let folder = &self.folder;
+        folder.write("loops.csv", result.loops_csv.as_bytes())?;
+        folder.write("graph.g2o", result.graph_g2o.as_bytes())?;
+        folder.write("map.ply", &result.map.to_ply())?;
+        folder.write("map.pcd", &result.map.to_pcd())?;
+        folder.write("map.png", &result.map.to_png())?;
+        let grid = result.map.obstacle_grid();
+        folder.write("grid.pgm", &grid.to_pgm())?;
+        folder.write("grid.yaml", grid.to_yaml("grid.pgm").as_bytes())?;
+        Ok(())
     }
 
     /// Against the ground truth, as far as it reaches.
@@ -204,7 +218,12 @@ impl Recorder {
         .to_svg()
     }
 
-    fn summary(&self, sequence: &Sequence, trajectory: Option<TrajectoryErrors>, map: &VoxelMap) -> Summary {
+    fn summary(
+        &self,
+        sequence: &Sequence,
+        [trajectory, trajectory_odometry]: [Option<TrajectoryErrors>; 2],
+        result: &BackEndResult,
+    ) -> Summary {
         Summary {
             sequence: sequence.name().into(),
             frames: self.frames.len(),
@@ -212,13 +231,15 @@ impl Recorder {
             unreadable_scans: self.tally.unreadable_scans,
             replaced_stamps: self.tally.replaced_stamps,
             trajectory,
+            trajectory_odometry,
+            loops: result.counts,
             core_ms: self.times.total(),
             core_cpu_ms: self.times.cpu(),
             scans_per_s: self.frames.len() as f64 / self.started.elapsed().as_secs_f64(),
             dynamic: self.movers.count(MotionState::Dynamic),
             semi_static: self.movers.count(MotionState::SemiStatic),
             moving: self.motion_is_labelled.then(|| self.moving_score()),
-            voxels: map.len(),
+            voxels: result.map.cells().len(),
             voxel_m: self.config.map.voxel_m,
             folder: self.folder.path().into(),
         }
@@ -243,6 +264,8 @@ impl Recorder {
             frames: summary.frames,
             lost: summary.lost,
             trajectory: summary.trajectory.as_ref(),
+            trajectory_odometry: summary.trajectory_odometry.as_ref(),
+            loops: summary.loops,
             moving: summary.moving.as_ref(),
             tracks_dynamic: summary.dynamic,
             tracks_semi_static: summary.semi_static,

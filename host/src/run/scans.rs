@@ -46,6 +46,11 @@ impl InputScan {
         Self { frame, file_number: sequence.file_number(frame), points, labels, classes, fault }
     }
 
+    /// Intensity of every point.
+    pub(super) fn intensities(&self) -> Vec<f32> {
+        self.points.iter().map(|point| point[3]).collect()
+    }
+
     /// What the core takes: position and class of every point, in the order of the file.
     pub(super) fn labelled_points(&self) -> Vec<LabelledPoint> {
         let position = |p: &[f32; 4]| [p[0], p[1], p[2]];

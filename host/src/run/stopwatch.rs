@@ -122,7 +122,7 @@ impl fmt::Display for Milliseconds {
 }
 
 impl Milliseconds {
-    fn of(times: &[f32]) -> Self {
+    pub(super) fn of(times: &[f32]) -> Self {
         let mut sorted = times.to_vec();
         sorted.sort_by(f32::total_cmp);
         let Some(&max) = sorted.last() else { return Self::default() };

@@ -11,6 +11,7 @@ use super::stopwatch::Milliseconds;
 use super::tally::{Named, Tally};
 use crate::config::Preset;
 use crate::evaluate::TrajectoryErrors;
+use crate::loops::LoopCounts;
 
 /// What a run came to.
 #[derive(Clone, Debug)]
@@ -25,8 +26,12 @@ pub struct Summary {
     pub unreadable_scans: u64,
     /// Time stamps that were replaced.
     pub replaced_stamps: u64,
-    /// Errors against the ground truth, if there is one.
+    /// Errors of the corrected trajectory against the ground truth, if there is one.
     pub trajectory: Option<TrajectoryErrors>,
+    /// The same before any correction by loops.
+    pub trajectory_odometry: Option<TrajectoryErrors>,
+    /// What became of the proposed loops.
+    pub loops: LoopCounts,
     /// Wall time of the core per scan.
     pub core_ms: Milliseconds,
     /// CPU time of the core per scan.
@@ -72,6 +77,9 @@ pub(super) struct Metrics<'a> {
     pub lost: u64,
     /// Null without ground truth.
     pub trajectory: Option<&'a TrajectoryErrors>,
+    /// Before any correction by loops.
+    pub trajectory_odometry: Option<&'a TrajectoryErrors>,
+    pub loops: LoopCounts,
     /// Null where the input's labels hold no moving ids.
     pub moving: Option<&'a MovingScore>,
     pub tracks_dynamic: u64,
@@ -104,6 +112,7 @@ impl fmt::Display for Summary {
             row(f, "time stamps replaced", format_args!("{} (see run.log)", self.replaced_stamps))?;
         }
         self.rows_of_trajectory(f)?;
+        row(f, "loops", format_args!("{} accepted, {} proposed", self.loops.accepted, self.loops.proposed))?;
         row(f, "core, ms per scan", self.core_ms)?;
         row(f, "core, CPU ms per scan", self.core_cpu_ms)?;
         row(f, "scans per second", format_args!("{:.1}", self.scans_per_s))?;
@@ -137,7 +146,14 @@ impl Summary {
             }
             _ => row(f, "t_rel, r_rel", "none: the drive is shorter than 10 m")?,
         }
-        errors.ate_m.map_or(Ok(()), |ate_m| row(f, "ATE", format_args!("{ate_m:.3} m")))
+        let before = self.trajectory_odometry.as_ref().and_then(|errors| errors.ate_m);
+        match (errors.ate_m, before) {
+            (Some(ate_m), Some(before_m)) if self.loops.accepted > 0 => {
+                row(f, "ATE", format_args!("{ate_m:.3} m; before the loops {before_m:.3} m"))
+            }
+            (Some(ate_m), _) => row(f, "ATE", format_args!("{ate_m:.3} m")),
+            (None, _) => Ok(()),
+        }
     }
 }
 

@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# The back end on simulated drives along KITTI's true trajectories.
+#
+#   tests/benchmarks/loops_and_maps.sh slam [NN FRAMES SEED]...      ATE with and without loops, beside KISS-SLAM
+#   tests/benchmarks/loops_and_maps.sh maps [NN FRAMES SEED]...      what of the true static and moving points is in the map
+#   tests/benchmarks/loops_and_maps.sh localise [NN FRAMES SEED]...  the same street with other traffic and other parked cars
+#
+# Needs the folder ../shared of the workplace (data, peers, simulator); says so and ends where it is not there.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+shared=../shared out=target/benchmarks data=target/data
+[ -d "$shared/tools/lidarsim" ] || { echo "skipped: $shared with data, peers and simulator is not here" >&2; exit 0; }
+mkdir -p "$out"
+sim=target/lidarsim/release/lidarsim
+python3 "$shared/data/unpack.py" "$data" kitti_poses >/dev/null
+[ -x "$sim" ] || CARGO_TARGET_DIR=target/lidarsim cargo build --release --manifest-path "$shared/tools/lidarsim/Cargo.toml"
+cargo build --release -p sdslam --example maps
+cargo build --release -p sdslam
+sdslam=$PWD/target/release/sdslam maps=$PWD/target/release/examples/maps
+what=${1:-}
+shift || true
+
+# simulate DRIVE NN FRAMES OPTIONS...
+simulate() {
+    local drive=$1 sequence=$2 frames=$3
+    shift 3
+    [ -f "$drive/poses/$sequence.txt" ] || "$sim" --poses "$data/kitti_poses/gt/$sequence.txt" \
+        --calib "$data/kitti_poses/calib/$sequence.txt" --sequence "$sequence" --frames "$frames" --dynamics normal \
+        --out "$drive" "$@" >/dev/null
+}
+
+# run DATASET NN OUT OPTIONS...: prints the table's rows on loops and errors
+run() {
+    local dataset=$1 sequence=$2 to=$3
+    shift 3
+    "$sdslam" run --dataset "$dataset" --sequence "$sequence" --out "$to" --overwrite --no-elevation-correction "$@" |
+        grep -E '^(ATE|t_rel|loops|scans per second|map )'
+}
+
+slam() { # NN FRAMES SEED
+    local drive="$out/$1-$2-seed$3-normal"
+    simulate "$drive" "$1" "$2" --seed "$3"
+    [ -x target/peers-venv/bin/python ] || "$shared/tools/peers/setup.sh" target/peers-venv
+    local ours="$sdslam run --dataset {dataset} --sequence {seq} --threads 2 --overwrite --no-elevation-correction --out {out}"
+    target/peers-venv/bin/python "$shared/tools/peers/run_peers.py" "$drive" --seq "$1" --peers kiss-slam --no-correct \
+        --no-pin --timeout 20000 --out "$out/slam-$1-$2-seed$3" --cmd "sdslam=$ours" \
+        --cmd-poses "sdslam={out}/$1/poses_kitti.txt:camera" --cmd-ms "sdslam={out}/$1/ms.txt" 2>"$out/log.txt"
+    grep -A12 '"trajectory_odometry"' "$out/slam-$1-$2-seed$3/sdslam/$1/metrics.json" | grep ate_m | sed 's/^/without loops: /'
+}
+
+maps() { # NN FRAMES SEED
+    local drive="$out/$1-$2-seed$3-normal"
+    simulate "$drive" "$1" "$2" --seed "$3"
+    run "$drive" "$1" "$out/maps-$1-$2-seed$3"
+    "$maps" points "$out/maps-$1-$2-seed$3/$1" "$drive" "$1"
+}
+
+localise() { # NN FRAMES SEED
+    local drive="$out/$1-$2-seed$3-normal" other="$out/$1-$2-seed$3-other" to="$out/localise-$1-$2-seed$3"
+    simulate "$drive" "$1" "$2" --seed "$3"
+    simulate "$other" "$1" "$2" --world-seed "$3" --traffic-seed $(($3 + 1)) --noise-seed $(($3 + 2)) --semi-static 1
+    run "$drive" "$1" "$to/map" --save-map "$to/street.map"
+    local common=(--map "$to/street.map" --dataset "$other" --sequence "$1" --overwrite --no-elevation-correction)
+    "$sdslam" localize "${common[@]}" --out "$to/drive" --initial-pose 0,0,0
+    "$maps" localised "$to/drive/$1" "$other" "$1" "$to/map/$1" "$drive"
+    local tries=0 found=0
+    for ((first = 0; first + 25 <= $2; first += 10)); do
+        "$sdslam" localize "${common[@]}" --out "$to/global" --frames "$first..$((first + 25))" >"$to/table.txt"
+        tries=$((tries + 1))
+        after=$(awk '/^found after/ {print $3}' "$to/table.txt")
+        [ -n "$after" ] && [ "$after" -le 20 ] && found=$((found + 1))
+        [ -n "$after" ] && "$maps" localised "$to/global/$1" "$other" "$1" "$to/map/$1" "$drive" | sed "s/^/from $first, found after $after: /"
+    done
+    echo "global start: found within 20 scans in $found of $tries tries"
+}
+
+case $what in
+    slam) [ $# -gt 0 ] || set -- 06 1101 46 07 1101 47 05 2761 45 00 2000 40 08 4071 48 ;;
+    maps) [ $# -gt 0 ] || set -- 07 1101 47 10 300 22 ;;
+    localise) [ $# -gt 0 ] || set -- 07 400 61 ;;
+    *) sed -n '2,8p' "$0" && exit 2 ;;
+esac
+while [ $# -ge 3 ]; do
+    "$what" "$1" "$2" "$3"
+    shift 3
+done
