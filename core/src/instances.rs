@@ -221,18 +221,19 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
         dbscan::cluster(&mut self.members, &mut self.scratch, class.radius_m, class.min_points);
         self.tiles.clear();
         for i in 0..self.members.len() {
-            let member = self.members[i];
+            let Some(member) = self.members.get(i).copied() else { break };
             if member.cluster == dbscan::NOISE {
                 continue;
             }
             let tile = tile_of(class.tile_m, &member.position, local_from_sensor);
-            match self.instance(family, (member.cluster, tile[0], tile[1])) {
-                Some(instance) => {
-                    let found = &mut self.found[instance as usize];
+            let instance = self.instance(family, (member.cluster, tile[0], tile[1]));
+            let found = instance.and_then(|instance| self.found.get_mut(instance as usize));
+            match (instance, found, cells.get_mut(member.id as usize)) {
+                (Some(instance), Some(found), Some(cell)) => {
                     found.points += member.weight;
-                    cells[member.id as usize].landmark = instance;
+                    cell.landmark = instance;
                 }
-                None => self.refused += 1,
+                _ => self.refused += 1,
             }
         }
     }

@@ -36,6 +36,7 @@ pub mod estimation;
 pub mod geometry;
 pub mod math;
 pub mod optimise;
+pub mod total;
 
 pub use capacity::FullScanOdometry;
 pub use config::Config;

@@ -343,7 +343,7 @@ impl<
         );
         hull_registration::pair_hulls(
             &config.hulls,
-            |i| &self.map_landmarks[i].landmark,
+            |i| self.map_landmarks.get(i).map(|m| &m.landmark),
             &self.landmarks,
             start,
             &self.candidates,

@@ -95,7 +95,7 @@ impl<const CELLS: usize> ScanCells<CELLS> {
         let mask = 2 * CELLS - 1;
         let mut slot = (key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as usize & mask;
         loop {
-            let entry = &mut self.slots[slot / 2][slot % 2];
+            let entry = self.slots.as_flattened_mut().get_mut(slot)?;
             if *entry == EMPTY {
                 let index = self.cells.len() as u16;
                 let centre = at.map(|i| (i as f32 + 0.5) * side_m);
@@ -112,7 +112,7 @@ impl<const CELLS: usize> ScanCells<CELLS> {
                 *entry = index;
             }
             let index = *entry;
-            let cell = &mut self.cells[index as usize];
+            let cell = self.cells.get_mut(index as usize)?;
             if cell.key == key {
                 cell.add(p);
                 return Some(index);

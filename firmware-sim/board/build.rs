@@ -7,7 +7,8 @@ fn main() {
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets it"));
     println!("cargo:rustc-link-search={}", out.display());
     println!("cargo:rerun-if-changed=link");
-    let put = |name: &str, text: &[u8]| fs::write(out.join(name), text).expect("the build folder can be written");
+    let put =
+        |name: &str, text: &[u8]| fs::write(out.join(name), text).expect("the build folder can be written");
     match env::var("CARGO_CFG_TARGET_ARCH").as_deref() {
         // cortex-m-rt's script includes memory.x.
         Ok("arm") => {

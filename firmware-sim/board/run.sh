@@ -87,7 +87,12 @@ for board in $boards; do
     printf '\n== %s, profile %s ==\n' "$board" "$profile"
     # shellcheck disable=SC2086
     (cd firmware-sim/board &&
-        DEFMT_LOG=info CARGO_TARGET_DIR=$build cargo build --release --quiet --target $target $features)
+        DEFMT_LOG=info CARGO_TARGET_DIR=$build cargo build --release --quiet --target $target --bin vehicle $features)
+    # Links only when no panic can be reached from the wire decoder and from process_scan.
+    (cd firmware-sim/board &&
+        CARGO_TARGET_DIR=$build cargo build --release --quiet --target $target --bin proof --features prove) ||
+        fail "a panic can be reached from the hot path"
+    echo "no panic can be reached from the wire decoder and process_scan (link-time proof)"
     elf=$build/$target/release/vehicle
 
     symbols=$(readelf --wide --symbols "$elf")

@@ -92,7 +92,7 @@ fn registered(config: &hull_registration::Config, moved: &Pose, seed: u64) -> (P
     let candidates = pairs_of(&pairing::Config::DEFAULT, &target, &source, &pose::IDENTITY);
     let mut pairs = heapless::Vec::<HullPair, 64>::new();
     let start = pose::IDENTITY;
-    let target_of = |i: usize| &target[i];
+    let target_of = |i: usize| target.get(i);
     hull_registration::pair_hulls(config, target_of, &source, &start, &candidates, &mut pairs);
     let (found, evidence) = hull_registration::register(config, seed, PlanarPose::from_pose(&start), &pairs);
     assert_eq!(evidence.pairs as usize, pairs.len());

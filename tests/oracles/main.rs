@@ -2,6 +2,8 @@
 //! precision for filters, rotations and planes.
 
 mod dbscan;
+mod eigen;
 mod filter_and_poses;
 mod planes;
 mod polygons;
+mod sorting;

@@ -7,6 +7,7 @@
 use heapless::Vec;
 
 use crate::math::floor_i32;
+use crate::total;
 
 /// Cluster of a point that belongs to none.
 pub const NOISE: u16 = u16::MAX;
@@ -83,11 +84,17 @@ pub fn cluster<const N: usize>(
 ) -> u16 {
     let grid = Grid::build(points, &mut scratch.first, cube_m);
     for i in 0..points.len() {
-        points[i].core = grid.is_core(points, i, min_weight);
+        let core = grid.is_core(points, i, min_weight);
+        if let Some(point) = points.get_mut(i) {
+            point.core = core;
+        }
     }
     let parents = &mut scratch.parents;
     parents.clear();
-    parents.extend((0..points.len().min(N)).map(|i| i as u16));
+    for i in 0..points.len().min(N) {
+        // As many as fit.
+        let _ = parents.push(i as u16);
+    }
     join_cores(points, &grid, parents);
     attach_borders(points, &grid, parents);
     number(points, parents)
@@ -107,12 +114,13 @@ impl<'a> Grid<'a> {
             let [x, y, z] = point.position.map(|v| lattice(v, per_metre));
             point.key = x << 48 | y << 32 | z << 16 | u64::from(point.id);
         }
-        points.sort_unstable_by_key(|p| p.key);
-        for i in 0..points.len() {
-            let column = points[i].column();
-            if i == 0 || points[i - 1].column() != column {
+        total::sort_by(points, |a, b| a.key < b.key);
+        let mut before = None;
+        for (i, point) in points.iter_mut().enumerate() {
+            let column = point.column();
+            if before.replace(column) != Some(column) {
                 let head = &mut first[bucket(column)];
-                points[i].next = *head;
+                point.next = *head;
                 *head = i as u16;
             }
         }
@@ -123,9 +131,9 @@ impl<'a> Grid<'a> {
     #[inline]
     fn column<'p>(&self, points: &'p [Point], column: u64) -> (usize, &'p [Point]) {
         let mut at = self.first[bucket(column)];
-        while let Some(point) = points.get(at as usize) {
+        while let Some(rest @ [point, ..]) = points.get(at as usize..) {
             if point.column() == column {
-                return (at as usize, &points[at as usize..]);
+                return (at as usize, rest);
             }
             at = point.next;
         }
@@ -141,7 +149,7 @@ impl<'a> Grid<'a> {
 
     /// The neighbours of point `i` reach the weight. The point itself and its column come first: they mostly do.
     fn is_core(&self, points: &[Point], i: usize, min_weight: u32) -> bool {
-        let point = &points[i];
+        let Some(point) = points.get(i) else { return false };
         let (low, high) = self.reach(point);
         let own = point.column();
         let columns = (low[0]..=high[0]).flat_map(|x| (low[1]..=high[1]).map(move |y| x << 16 | y));
@@ -151,24 +159,24 @@ impl<'a> Grid<'a> {
                 return true;
             }
             let (start, column) = self.column(points, column);
-            for (offset, _) in within(column, point, low[2], high[2]) {
+            for (offset, other, _) in within(column, point, low[2], high[2]) {
                 if start + offset != i {
-                    weight += points[start + offset].weight;
+                    weight += other.weight;
                 }
             }
         }
         weight >= min_weight
     }
 
-    /// Calls `visit(neighbour, squared distance)` for the neighbours of point `i`, itself included.
+    /// Calls `visit(index of the neighbour, neighbour, squared distance)` for the neighbours of a point, itself included.
     #[inline]
-    fn for_neighbours(&self, points: &[Point], i: usize, mut visit: impl FnMut(usize, f32)) {
-        let (low, high) = self.reach(&points[i]);
+    fn for_neighbours(&self, points: &[Point], point: &Point, mut visit: impl FnMut(usize, &Point, f32)) {
+        let (low, high) = self.reach(point);
         for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
                 let (start, column) = self.column(points, x << 16 | y);
-                for (offset, distance2) in within(column, &points[i], low[2], high[2]) {
-                    visit(start + offset, distance2);
+                for (offset, other, distance2) in within(column, point, low[2], high[2]) {
+                    visit(start + offset, other, distance2);
                 }
             }
         }
@@ -181,10 +189,15 @@ fn lattice(v: f32, per_metre: f32) -> u64 {
     (floor_i32(v * per_metre) + (1 << 15)).clamp(0, 0xFFFF) as u64
 }
 
-/// The points at the start of `column` that belong to it, lie between two heights, and are neighbours of `point`: offset
-/// and squared distance.
+/// The points at the start of `column` that belong to it, lie between two heights, and are neighbours of `point`: offset,
+/// point and squared distance.
 #[inline]
-fn within(column: &[Point], point: &Point, low: u64, high: u64) -> impl Iterator<Item = (usize, f32)> {
+fn within<'p>(
+    column: &'p [Point],
+    point: &Point,
+    low: u64,
+    high: u64,
+) -> impl Iterator<Item = (usize, &'p Point, f32)> {
     let first = column.first().map_or(0, Point::column);
     let (low, high) = ((first << 16 | low) << 16, (first << 16 | high) << 16 | 0xFFFF);
     let inside =
@@ -193,16 +206,21 @@ fn within(column: &[Point], point: &Point, low: u64, high: u64) -> impl Iterator
         let d = [0, 1, 2].map(|k| other.position[k] - point.position[k]);
         let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
         let radius = point.radius.min(other.radius);
-        (distance2 <= radius * radius).then_some((offset, distance2))
+        (distance2 <= radius * radius).then_some((offset, other, distance2))
     })
 }
 
 /// Root of a point's tree; shortens the way for the next time.
 fn root(parents: &mut [u16], i: usize) -> usize {
     let mut at = i;
-    while parents[at] as usize != at {
-        parents[at] = parents[parents[at] as usize];
-        at = parents[at] as usize;
+    while let Some(&parent) = parents.get(at)
+        && parent as usize != at
+    {
+        let Some(&grandparent) = parents.get(parent as usize) else { break };
+        if let Some(place) = parents.get_mut(at) {
+            *place = grandparent;
+        }
+        at = grandparent as usize;
     }
     at
 }
@@ -211,41 +229,44 @@ fn root(parents: &mut [u16], i: usize) -> usize {
 /// as one: what is in its tree already need not look at it again, what is not needs one neighbour in it.
 fn join_cores(points: &mut [Point], grid: &Grid<'_>, parents: &mut [u16]) {
     let mut start = 0;
-    while start < points.len() {
-        let column = points[start].column();
-        let length = points[start..].iter().take_while(|p| p.column() == column).count();
-        for i in start..start + length {
-            if points[i].core {
-                join(points, grid, parents, start, i);
-            }
+    while let Some((head, rest)) = points.get(start..).and_then(<[Point]>::split_first) {
+        let column = head.column();
+        let end = start + 1 + rest.iter().take_while(|p| p.column() == column).count();
+        for i in start..end {
+            join(points, grid, parents, start, i);
         }
-        let mut roots = (start..start + length).filter(|i| points[*i].core).map(|i| root(parents, i));
+        let of_column = points.get(start..end).unwrap_or_default().iter().enumerate();
+        let mut roots = of_column.filter(|(_, p)| p.core).map(|(offset, _)| root(parents, start + offset));
         let first = roots.next();
-        points[start].tree = first.filter(|f| roots.all(|r| r == *f)).map_or(NOISE, |f| f as u16);
-        start += length;
+        let tree = first.filter(|f| roots.all(|r| r == *f)).map_or(NOISE, |f| f as u16);
+        if let Some(head) = points.get_mut(start) {
+            head.tree = tree;
+        }
+        start = end;
     }
 }
 
-/// Joins core point `i` of the column that begins at `own_start` with its neighbours before it.
+/// Joins point `i` of the column that begins at `own_start`, if it is a core point, with its neighbours before it.
 fn join(points: &[Point], grid: &Grid<'_>, parents: &mut [u16], own_start: usize, i: usize) {
-    let (low, high) = grid.reach(&points[i]);
+    let Some(point) = points.get(i).filter(|p| p.core) else { return };
+    let (low, high) = grid.reach(point);
     let mut own = root(parents, i);
-    for x in low[0]..=points[i].column() >> 16 {
+    for x in low[0]..=point.column() >> 16 {
         for y in low[1]..=high[1] {
             let (start, column) = grid.column(points, x << 16 | y);
-            if column.is_empty() || start > own_start {
-                continue;
-            }
-            let column = if start == own_start { &points[start..i] } else { column };
-            let tree = if start == own_start { NOISE } else { points[start].tree };
+            let Some(head) = column.first().filter(|_| start <= own_start) else { continue };
+            let before = column.get(..i.saturating_sub(start)).unwrap_or_default();
+            let (column, tree) = if start == own_start { (before, NOISE) } else { (column, head.tree) };
             if tree != NOISE && root(parents, tree as usize) == own {
                 continue;
             }
-            for (offset, _) in within(column, &points[i], low[2], high[2]) {
-                if points[start + offset].core {
+            for (offset, neighbour, _) in within(column, point, low[2], high[2]) {
+                if neighbour.core {
                     let other = root(parents, start + offset);
                     // The smaller index is the root: the result does not depend on the order of joining.
-                    parents[own.max(other)] = own.min(other) as u16;
+                    if let Some(parent) = parents.get_mut(own.max(other)) {
+                        *parent = own.min(other) as u16;
+                    }
                     own = own.min(other);
                     if tree != NOISE {
                         break;
@@ -257,31 +278,31 @@ fn join(points: &[Point], grid: &Grid<'_>, parents: &mut [u16], own_start: usize
 }
 
 fn attach_borders(points: &[Point], grid: &Grid<'_>, parents: &mut [u16]) {
-    for i in 0..points.len() {
-        if points[i].core {
-            continue;
-        }
+    for (i, (point, parent)) in points.iter().zip(parents).enumerate().filter(|(_, (p, _))| !p.core) {
         let mut nearest = (f32::INFINITY, i);
-        grid.for_neighbours(points, i, |j, distance2| {
-            if points[j].core && (distance2, j) < nearest {
+        grid.for_neighbours(points, point, |j, neighbour, distance2| {
+            if neighbour.core && (distance2, j) < nearest {
                 nearest = (distance2, j);
             }
         });
-        parents[i] = nearest.1 as u16;
+        *parent = nearest.1 as u16;
     }
 }
 
 fn number(points: &mut [Point], parents: &mut [u16]) -> u16 {
     let mut clusters = 0;
-    for i in 0..points.len() {
-        if points[i].core && parents[i] as usize == i {
-            points[i].cluster = clusters;
+    for (i, (point, parent)) in points.iter_mut().zip(parents.iter()).enumerate() {
+        if point.core && *parent as usize == i {
+            point.cluster = clusters;
             clusters += 1;
         }
     }
     for i in 0..points.len() {
-        let top = root(parents, i);
-        points[i].cluster = if points[top].core { points[top].cluster } else { NOISE };
+        let top = points.get(root(parents, i)).filter(|top| top.core);
+        let cluster = top.map_or(NOISE, |top| top.cluster);
+        if let Some(point) = points.get_mut(i) {
+            point.cluster = cluster;
+        }
     }
     clusters
 }

@@ -4,6 +4,8 @@ use core::cmp::Ordering;
 
 use heapless::VecView;
 
+use crate::total;
+
 /// Twice the signed area of the triangle a, b, c: positive when it turns left. Differences and products of f32
 /// coordinates are exact in f64, so the sign is too.
 #[inline]
@@ -25,15 +27,17 @@ pub fn convex_hull(points: &mut [[f32; 2]], hull: &mut VecView<[f32; 2]>) -> boo
         let (x, y) = (f64::from(p[0]) - f64::from(pivot[0]), f64::from(p[1]) - f64::from(pivot[1]));
         x * x + y * y
     };
-    points.sort_unstable_by(|a, b| {
+    total::sort_by(points, |a, b| {
         let by_distance = distance2(*a).total_cmp(&distance2(*b));
         if distance2(*a) == 0.0 || distance2(*b) == 0.0 {
-            return by_distance;
+            return by_distance.is_lt();
         }
-        0.0f64.partial_cmp(&turn(pivot, *a, *b)).unwrap_or(Ordering::Equal).then(by_distance)
+        0.0f64.partial_cmp(&turn(pivot, *a, *b)).unwrap_or(Ordering::Equal).then(by_distance).is_lt()
     });
     for p in points.iter() {
-        while hull.len() >= 2 && turn(hull[hull.len() - 2], hull[hull.len() - 1], *p) <= 0.0 {
+        while let [.., a, b] = hull.as_slice()
+            && turn(*a, *b, *p) <= 0.0
+        {
             hull.pop();
         }
         if hull.last() == Some(p) {

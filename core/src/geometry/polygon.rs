@@ -3,6 +3,7 @@
 use heapless::Vec;
 
 use crate::math;
+use crate::total;
 
 /// Most vertices of an intersection: those of both polygons.
 const CLIP_VERTICES: usize = 64;
@@ -27,12 +28,13 @@ pub fn intersection_area(subject: &[[f32; 2]], clip: &[[f32; 2]]) -> f32 {
     if subject.len() < 3 || clip.len() < 3 {
         return 0.0;
     }
-    let mut first: Vec<[f32; 2], CLIP_VERTICES> = subject.iter().copied().take(CLIP_VERTICES / 2).collect();
+    let mut first: Vec<[f32; 2], CLIP_VERTICES> =
+        total::collect(subject.iter().copied().take(CLIP_VERTICES / 2));
     let mut second: Vec<[f32; 2], CLIP_VERTICES> = Vec::new();
     let (mut current, mut next) = (&mut first, &mut second);
-    let clip = &clip[..clip.len().min(CLIP_VERTICES / 2)];
-    for (i, a) in clip.iter().enumerate() {
-        cut(current, *a, clip[(i + 1) % clip.len()], next);
+    let clip = clip.get(..CLIP_VERTICES / 2).unwrap_or(clip);
+    for (a, b) in clip.iter().zip(clip.iter().cycle().skip(1)) {
+        cut(current, *a, *b, next);
         if next.is_empty() {
             return 0.0;
         }
@@ -82,10 +84,9 @@ pub fn turning_area(polygon: &[[f32; 2]]) -> f32 {
     if n < 3 {
         return 0.0;
     }
-    let start = (0..n)
-        .min_by(|a, b| (polygon[*a][0] + polygon[*a][1]).total_cmp(&(polygon[*b][0] + polygon[*b][1])))
-        .unwrap_or(0);
-    let vertex = |i: usize| polygon[(start + i) % n];
+    let sums = polygon.iter().map(|p| p[0] + p[1]).enumerate();
+    let start = sums.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(i, _)| i);
+    let vertex = |i: usize| polygon.get((start + i) % n).copied().unwrap_or_default();
     let heading = |i: usize| {
         let (a, b) = (vertex(i), vertex(i + 1));
         math::atan2(b[1] - a[1], b[0] - a[0])

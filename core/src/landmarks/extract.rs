@@ -6,6 +6,7 @@ use super::{Landmark, MotionState, OUTLINE, SAMPLES};
 use crate::instances::{Config, Instance};
 use crate::scan::{MotionClass, SemanticClass};
 use crate::scan_cells::Cell;
+use crate::total;
 
 /// Unit vectors of the outline's directions, 22.5 degrees apart.
 const DIRECTIONS: [[f32; 2]; OUTLINE] = {
@@ -68,7 +69,7 @@ fn choose(
         }
     }
     let rank = |i: u16| {
-        let instance = &instances[i as usize];
+        let Some(instance) = instances.get(i as usize) else { return (3, 0, i) };
         let group = match (instance.family.motion(), config.of(instance.family).tile_m > 0.0) {
             (MotionClass::UnknownMotion, _) => 0,
             (_, false) => 1,
@@ -76,10 +77,10 @@ fn choose(
         };
         (group, u32::MAX - instance.points, i)
     };
-    order.sort_unstable_by_key(|i| rank(*i));
+    total::sort_by(order, |a, b| rank(*a) < rank(*b));
     let kept = order.len().min(landmarks.capacity());
     for (landmark, i) in order.iter().take(kept).enumerate() {
-        let instance = &mut instances[*i as usize];
+        let Some(instance) = instances.get_mut(*i as usize) else { break };
         instance.landmark = landmark as u16;
         let _ = landmarks.push(Landmark::empty(instance.family));
     }
@@ -115,7 +116,7 @@ fn outline(cells: &[Cell], seen: &mut VecView<u16>, landmarks: &mut VecView<Land
     for cell in cells {
         let Some(landmark) = landmarks.get_mut(cell.landmark as usize) else { continue };
         let p: [f32; 3] = cell.mean().into();
-        let nth = &mut seen[cell.landmark as usize];
+        let Some(nth) = seen.get_mut(cell.landmark as usize) else { continue };
         if (*nth as usize).is_multiple_of(landmark.cells as usize / SAMPLES + 1) {
             let _ = landmark.samples.push(p);
         }

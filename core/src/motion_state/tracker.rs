@@ -11,6 +11,7 @@ use crate::landmarks::{Landmark, MotionState, SAMPLES};
 use crate::math;
 use crate::pose::Pose;
 use crate::scan::{MotionClass, SemanticClass};
+use crate::total;
 
 /// Frames between two snapshots of a track.
 const SNAPSHOT_FRAMES: u32 = 5;
@@ -144,23 +145,24 @@ pub fn update<const COLUMNS: usize>(
     associate(config, local_from_sensor, landmarks, tracks);
     let mut refused = 0;
     for index in 0..landmarks.len() {
-        if landmarks[index].class.motion() != MotionClass::UnknownMotion {
+        if landmarks.get(index).is_none_or(|l| l.class.motion() != MotionClass::UnknownMotion) {
             continue;
         }
         let found = tracks.iter().position(|t| t.landmark == Some(index as u16));
-        if let Some(whole) = whole_of(config, landmarks, index).filter(|_| found.is_none()) {
-            (landmarks[index].state, landmarks[index].track) =
-                (landmarks[whole].state, landmarks[whole].track);
+        let whole = whole_of(config, landmarks, index).filter(|_| found.is_none());
+        let whole = whole.map(|whole| (whole.state, whole.track));
+        let Some(landmark) = landmarks.get_mut(index) else { break };
+        if let Some(whole) = whole {
+            (landmark.state, landmark.track) = whole;
             continue;
         }
-        let landmark = &mut landmarks[index];
         let centre = (local_from_sensor * Point3::from(landmark.centre)).coords;
         let noise = centre_noise(config, landmark);
         let Some(slot) = found.or_else(|| open(config, landmark, &centre, noise, next_id, tracks)) else {
             refused += 1;
             continue;
         };
-        let track = &mut tracks[slot];
+        let Some(track) = tracks.get_mut(slot) else { break };
         track.landmark = Some(index as u16);
         if found.is_some() {
             correct(config, track, landmark, &centre, noise, tau, local_from_sensor, visibility);
@@ -177,10 +179,10 @@ pub fn update<const COLUMNS: usize>(
 }
 
 /// The larger landmark of the same family, earlier in the list, that a small one beside it is a fragment of.
-fn whole_of(config: &Config, landmarks: &[Landmark], index: usize) -> Option<usize> {
-    let part = &landmarks[index];
+fn whole_of<'a>(config: &Config, landmarks: &'a [Landmark], index: usize) -> Option<&'a Landmark> {
+    let part = landmarks.get(index)?;
     let gate = class_config(config, part.family).gate_m;
-    landmarks[..index].iter().position(|whole| {
+    landmarks.iter().take(index).find(|whole| {
         let apart = (Vector3::from(whole.centre) - Vector3::from(part.centre)).norm_squared();
         whole.family == part.family && whole.point_count > 3 * part.point_count && apart < gate * gate
     })
@@ -198,16 +200,16 @@ fn associate(config: &Config, local_from_sensor: &Pose, landmarks: &[Landmark], 
             .min_by(|a, b| a.1.total_cmp(&b.1))
     };
     for i in 0..tracks.len() {
-        let track = &tracks[i];
+        let Some(track) = tracks.get(i) else { break };
         let at = track.motion.position();
         let of_family = landmarks.iter().enumerate().filter(|(_, l)| movable(l) && l.family == track.family);
-        let nearest =
-            of_family.map(|(k, l)| (k, (centre(l) - at).norm_squared())).min_by(|a, b| a.1.total_cmp(&b.1));
-        let Some((k, distance2)) = nearest else { continue };
+        let distance2 = |(k, l)| (k, l, (centre(l) - at).norm_squared());
+        let nearest = of_family.map(distance2).min_by(|a, b| a.2.total_cmp(&b.2));
+        let Some((k, landmark, distance2)) = nearest else { continue };
         let gate = class_config(config, track.family).gate_m;
-        let mutual = nearest_track(&landmarks[k], tracks).is_some_and(|(t, _)| t == i);
-        if mutual && distance2 < gate * gate {
-            tracks[i].landmark = Some(k as u16);
+        let mutual = nearest_track(landmark, tracks).is_some_and(|(t, _)| t == i);
+        if let Some(track) = tracks.get_mut(i).filter(|_| mutual && distance2 < gate * gate) {
+            track.landmark = Some(k as u16);
         }
     }
 }
@@ -268,7 +270,7 @@ fn look(landmark: &Landmark, local_from_sensor: &Pose) -> Snapshot {
             extent[1][k] = extent[1][k].max(p[k]);
         }
     }
-    Snapshot { age: 0, age_s: 0.0, samples: landmark.samples.iter().map(moved).collect(), extent }
+    Snapshot { age: 0, age_s: 0.0, samples: total::collect(landmark.samples.iter().map(moved)), extent }
 }
 
 fn remember(track: &mut Track, now: Snapshot) {

@@ -82,7 +82,7 @@ impl<const COLUMNS: usize> Visibility<COLUMNS> {
     pub fn add(&mut self, points: &[LabelledPoint], local_from_sensor: &Pose) {
         let slot =
             if self.order.is_full() { self.order.pop_back().unwrap_or(0) } else { self.order.len() as u8 };
-        let image = &mut self.images[slot as usize];
+        let Some(image) = self.images.get_mut(slot as usize) else { return };
         image.ranges = [[EMPTY; COLUMNS]; ROWS];
         image.local_from_sensor = *local_from_sensor;
         // Half a degree is wide: of a dense scan every other point fills a pixel as well.
@@ -91,7 +91,8 @@ impl<const COLUMNS: usize> Visibility<COLUMNS> {
             let Some((row, column, range)) = pixel::<COLUMNS>(&Vector3::from(point.position)) else {
                 continue;
             };
-            let nearest = &mut image.ranges[row][column];
+            let nearest = image.ranges.get_mut(row).and_then(|row| row.get_mut(column));
+            let Some(nearest) = nearest else { continue };
             // 655 m at most: the cast saturates.
             *nearest = (*nearest).min((range * 100.0) as u16);
         }
@@ -100,8 +101,9 @@ impl<const COLUMNS: usize> Visibility<COLUMNS> {
 
     /// Corrects the pose of the newest image.
     pub fn set_newest_pose(&mut self, local_from_sensor: &Pose) {
-        if let Some(slot) = self.order.front() {
-            self.images[*slot as usize].local_from_sensor = *local_from_sensor;
+        let newest = self.order.front().and_then(|slot| self.images.get_mut(*slot as usize));
+        if let Some(image) = newest {
+            image.local_from_sensor = *local_from_sensor;
         }
     }
 
@@ -124,13 +126,13 @@ impl<const COLUMNS: usize> Visibility<COLUMNS> {
 
     /// What the image `age` scans before the newest says about a place in the local frame.
     pub fn seen(&self, age: usize, place: &Vector3<f32>, margin_m: f32) -> Seen {
-        let Some(slot) = self.order.iter().nth(age) else { return Seen::Unknown };
-        let image = &self.images[*slot as usize];
+        let image = self.order.iter().nth(age).and_then(|slot| self.images.get(*slot as usize));
+        let Some(image) = image else { return Seen::Unknown };
         let p = image.local_from_sensor.inverse_transform_point(&Point3::from(*place)).coords;
         let Some((row, column, range)) = pixel::<COLUMNS>(&p) else { return Seen::Unknown };
         let at = |dr: isize, dc: usize| {
             let r = row.checked_add_signed(dr).filter(|r| *r < ROWS)?;
-            let range = image.ranges[r][(column + COLUMNS + dc - 1) % COLUMNS];
+            let range = *image.ranges.get(r)?.get((column + COLUMNS + dc - 1) % COLUMNS)?;
             (range != EMPTY).then_some(f32::from(range) * 0.01)
         };
         let Some(centre) = at(0, 1) else { return Seen::Unknown };

@@ -37,6 +37,7 @@ impl<
         writer.put_all(&self.landmarks)?;
         writer.put_all(&self.tracks)?;
         writer.put_all(&self.map_landmarks)?;
+        self.calibration.corrections().iter().try_for_each(|correction| writer.put(correction))?;
         self.visibility.save(&mut writer)?;
         self.voxels.save(&mut writer)?;
         writer.finish(Self::CAPACITIES)
@@ -65,6 +66,9 @@ impl<
         reader.take_all(&mut self.landmarks)?;
         reader.take_all(&mut self.tracks)?;
         reader.take_all(&mut self.map_landmarks)?;
+        for correction in self.calibration.corrections_mut() {
+            *correction = reader.take()?;
+        }
         self.visibility.restore(&mut reader)?;
         self.voxels.restore(&mut reader)?;
         reader.finish()?;

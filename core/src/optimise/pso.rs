@@ -120,7 +120,7 @@ pub fn maximise<const D: usize>(
     let mut found = Optimum { position: centre, value: objective(&centre), evaluations: 1 };
     let start = Particle { position: centre, velocity: [0.0; D], best: centre, best_value: found.value };
     let mut swarm = [start; MAX_PARTICLES];
-    let swarm = &mut swarm[..(config.particles as usize).clamp(1, MAX_PARTICLES)];
+    let swarm = swarm.get_mut(..config.particles as usize).unwrap_or_default();
     for particle in swarm.iter_mut().skip(1) {
         for d in 0..D {
             particle.position[d] = centre[d] + half_width[d] * (2.0 * random.rand_float() - 1.0);
@@ -179,11 +179,12 @@ fn advance<const D: usize>(
         let limit = config.max_velocity * half_width[d];
         let pull = own * random.rand_float() * (particle.best[d] - x)
             + swarm * random.rand_float() * (swarm_best[d] - x);
-        let mut v = (inertia * particle.velocity[d] + pull).clamp(-limit, limit);
+        // Not `clamp`, which panics where a limit is no number.
+        let mut v = (inertia * particle.velocity[d] + pull).max(-limit).min(limit);
         let (low, high) = (centre[d] - half_width[d], centre[d] + half_width[d]);
         let mut next = x + v;
         if next < low || next > high {
-            next = next.clamp(low, high);
+            next = next.max(low).min(high);
             v *= -0.5;
         }
         (particle.position[d], particle.velocity[d]) = (next, v);
@@ -206,7 +207,7 @@ fn polish<const D: usize>(
             for sign in [1.0, -1.0] {
                 let mut trial = found.position;
                 let (low, high) = (centre[d] - half_width[d], centre[d] + half_width[d]);
-                trial[d] = (trial[d] + sign * step[d]).clamp(low, high);
+                trial[d] = (trial[d] + sign * step[d]).max(low).min(high);
                 let value = objective(&trial);
                 found.evaluations += 1;
                 if value > found.value {

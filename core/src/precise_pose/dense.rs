@@ -7,6 +7,7 @@ use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 use super::voxel_map::{self, Group, VoxelMap};
 use crate::error::ParameterError;
 use crate::estimate::DenseEvidence;
+use crate::geometry::eigen;
 use crate::math;
 use crate::pose::{self, Pose};
 
@@ -167,7 +168,8 @@ pub fn determines(config: &Config, information: &Matrix6<f32>) -> bool {
     let Some(cholesky) = information.cholesky() else { return false };
     let covariance = cholesky.inverse().fixed_view::<3, 3>(0, 0).into_owned();
     // With nothing but the hold a direction has the variance hold_m^2.
-    covariance.symmetric_eigenvalues().max() < 0.2 * config.hold_m * config.hold_m
+    let [_, _, (largest, _)] = eigen::symmetric(&covariance);
+    largest < 0.2 * config.hold_m * config.hold_m
 }
 
 /// Moves a pose by a small step: translation, and rotation about the sensor, in the axes of the local frame.

@@ -61,6 +61,18 @@ impl Calibration {
         Self { correction_rad: [0.0; BINS] }
     }
 
+    /// The corrections, to save and restore them [rad].
+    #[cfg(feature = "snapshot")]
+    pub(crate) fn corrections_mut(&mut self) -> &mut [f32; BINS] {
+        &mut self.correction_rad
+    }
+
+    /// The corrections [rad].
+    #[cfg(feature = "snapshot")]
+    pub(crate) fn corrections(&self) -> &[f32; BINS] {
+        &self.correction_rad
+    }
+
     /// Forgets what was learnt.
     pub fn clear(&mut self) {
         self.correction_rad = [0.0; BINS];
@@ -100,7 +112,8 @@ fn bins(p: [f32; 3]) -> Option<(f32, [(usize, f32); 2])> {
         return None;
     }
     let at = ((p[2] / distance - LOWEST) / WIDTH - 0.5).clamp(0.0, (BINS - 2) as f32);
-    let low = at as usize;
+    // A second bound for the compiler, which then knows that both bins exist.
+    let low = (at as usize).min(BINS - 2);
     let share = at - low as f32;
     Some((distance, [(low, 1.0 - share), (low + 1, share)]))
 }

@@ -42,7 +42,7 @@ pub fn merge(
                 if map.is_full() {
                     let oldest =
                         map.iter().enumerate().min_by(|a, b| a.1.seen_at_m.total_cmp(&b.1.seen_at_m));
-                    if let Some(index) = oldest.map(|(i, _)| i) {
+                    if let Some(index) = oldest.map(|(i, _)| i).filter(|i| *i < map.len()) {
                         map.swap_remove(index);
                         dropped += 1;
                     }

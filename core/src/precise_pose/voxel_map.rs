@@ -7,9 +7,10 @@
 #[cfg(feature = "snapshot")]
 mod snapshot;
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use crate::error::ParameterError;
+use crate::geometry::eigen;
 use crate::math::{self, floor_i32};
 use crate::scan::{MotionClass, SemanticClass};
 
@@ -285,11 +286,9 @@ impl<const SETS: usize> VoxelMap<SETS> {
 /// would seem to fix two directions; only upright rods (poles, trunks) are believed.
 fn across(config: &Config, group: Group, covariance: Matrix3<f32>) -> [[f32; 3]; 2] {
     const NOTHING: [f32; 3] = [0.0; 3];
-    let eigen = SymmetricEigen::new(covariance);
-    let mut order = [0, 1, 2];
-    order.sort_unstable_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    let value = order.map(|i| eigen.eigenvalues[i].max(0.0));
-    let axis = order.map(|i| eigen.eigenvectors.column(i).into_owned());
+    let eigen = eigen::symmetric(&covariance);
+    let value = eigen.map(|(value, _)| value.max(0.0));
+    let axis = eigen.map(|(_, axis)| axis);
     let weighted = |k: usize| (axis[k] / math::sqrt(value[k] + config.noise_m * config.noise_m)).into();
     let rod = value[1] < 0.1 * value[2] && value[1] < 0.02;
     let upright = axis[2].z * axis[2].z > 0.8;

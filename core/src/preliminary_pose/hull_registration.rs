@@ -12,6 +12,7 @@ use crate::landmarks::{Hull, Landmark, Layers, layers};
 use crate::math;
 use crate::optimise::pso;
 use crate::pose::{PlanarPose, Pose};
+use crate::total;
 
 /// Parameters of hulls and swarm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +79,7 @@ const MIN_AREA: f32 = 1e-3;
 /// Takes the hulls of each candidate pair and keeps the layer with the more similar ones.
 pub fn pair_hulls<'a>(
     config: &Config,
-    target: impl Fn(usize) -> &'a Landmark,
+    target: impl Fn(usize) -> Option<&'a Landmark>,
     source: &[Landmark],
     target_from_source: &Pose,
     candidates: &[Candidate],
@@ -88,7 +89,8 @@ pub fn pair_hulls<'a>(
     let planar = PlanarPose::from_pose(target_from_source);
     let sin_cos = (math::sin(planar.yaw), math::cos(planar.yaw));
     for candidate in candidates {
-        let (t, s) = (target(candidate.target as usize), &source[candidate.source as usize]);
+        let pair = (target(candidate.target as usize), source.get(candidate.source as usize));
+        let (Some(t), Some(s)) = pair else { continue };
         // One split height for the pair, each in its own frame: the mean of both centres.
         let lift = (target_from_source * Point3::from(s.centre)).z - s.centre[2];
         let split = 0.5 * (t.centre[2] + s.centre[2] + lift);
@@ -114,7 +116,7 @@ fn more_similar(
         if polygon::area(a) < MIN_AREA || polygon::area(b) < MIN_AREA {
             return None;
         }
-        let b: Hull = b.iter().map(|p| moved(*p)).collect();
+        let b: Hull = total::collect(b.iter().map(|p| moved(*p)));
         let shape = math::abs(polygon::turning_area(a) - polygon::turning_area(&b));
         Some(config.shape_weight * shape + config.size_weight * polygon::hausdorff(a, &b))
     };
@@ -160,7 +162,7 @@ impl HullPair {
         if apart2 > square(self.source_circle.1 + self.target_circle.1) {
             return 0.0;
         }
-        let moved: Hull = self.source.iter().map(|p| motion.apply(sin_cos, *p)).collect();
+        let moved: Hull = total::collect(self.source.iter().map(|p| motion.apply(sin_cos, *p)));
         polygon::intersection_area(&moved, &self.target)
     }
 }

@@ -84,7 +84,7 @@ pub fn estimate(
     );
     hull_registration::pair_hulls(
         &config.hulls,
-        |i| &previous[i],
+        |i| previous.get(i),
         current,
         predicted_previous_from_current,
         candidates,
@@ -110,8 +110,8 @@ fn pure_static_suffice(config: &Config, landmarks: &[Landmark]) -> bool {
     for landmark in landmarks {
         if landmark.class.motion() == MotionClass::PureStatic {
             pure += 1;
-            quadrants[usize::from(landmark.centre[0] < 0.0) * 2 + usize::from(landmark.centre[1] < 0.0)] =
-                true;
+            let quadrant = usize::from(landmark.centre[0] < 0.0) * 2 + usize::from(landmark.centre[1] < 0.0);
+            quadrants[quadrant & 3] = true;
         } else {
             other += 1;
         }

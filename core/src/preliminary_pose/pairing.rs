@@ -11,6 +11,7 @@ use crate::error::ParameterError;
 use crate::landmarks::Landmark;
 use crate::pose::Pose;
 use crate::scan::SemanticClass;
+use crate::total;
 
 /// Rule that accepts a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,7 +75,8 @@ pub fn pair<'a>(
         let nearest_source = nearest(landmark.family, &landmark.centre, source.iter(), moved, &usable);
         let Some((s, distance_m)) = nearest_source.filter(|n| n.1 < config.gate_m) else { continue };
         (sum, found) = (sum + distance_m, found + 1);
-        let back = || nearest(landmark.family, &moved(&source[s]), target.clone(), |l| l.centre, &usable);
+        let Some(partner) = source.get(s) else { continue };
+        let back = || nearest(landmark.family, &moved(partner), target.clone(), |l| l.centre, &usable);
         if config.rule == Rule::Mutual && back().is_none_or(|(b, _)| b != t) {
             continue;
         }
@@ -84,7 +86,7 @@ pub fn pair<'a>(
         let mean = sum / found.max(1) as f32;
         pairs.retain(|p| p.distance_m < mean);
     }
-    pairs.sort_unstable_by(|a, b| a.distance_m.total_cmp(&b.distance_m).then(a.target.cmp(&b.target)));
+    total::sort_by(pairs, |a, b| a.distance_m.total_cmp(&b.distance_m).then(a.target.cmp(&b.target)).is_lt());
 }
 
 fn distance2(a: &[f32; 3], b: &[f32; 3]) -> f32 {

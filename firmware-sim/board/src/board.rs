@@ -85,7 +85,8 @@ impl Board for EmulatedBoard {
         self.last_count = processor::instructions();
         loop {
             if self.taken == self.there {
-                self.there = self.recording.read(&mut self.buffers.piece).map_err(|_| BoardError::Recording)?;
+                self.there =
+                    self.recording.read(&mut self.buffers.piece).map_err(|_| BoardError::Recording)?;
                 self.taken = 0;
                 if self.there == 0 {
                     return Ok(None);
