@@ -117,10 +117,9 @@ fn a_scan_with_nothing_in_view_is_named_and_the_drive_goes_on() {
 fn a_network_that_cannot_be_used_is_refused_in_a_sentence() {
     let drive = Drive::new();
     let text_file = drive.file("net.onnx", "this is no network");
-    for (model, said) in [
-        (text_file.clone(), "net.onnx is not a whole ONNX model"),
-        (drive.data("nowhere.onnx"), "nowhere.onnx"),
-    ] {
+    for (model, said) in
+        [(text_file, "net.onnx is not a whole ONNX model"), (drive.data("nowhere.onnx"), "nowhere.onnx")]
+    {
         let refusal = errors(drive.run(&["--model", path(&model)]).code(INPUT));
         assert!(refusal.contains(said), "{refusal}");
         assert!(!drive.result("").exists());

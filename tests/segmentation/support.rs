@@ -50,8 +50,10 @@ pub fn scan() -> Vec<[f32; 4]> {
     let point = |k: usize| {
         let azimuth = 0.013 * k as f32;
         let elevation = -0.42 + 0.47 * ((k * 7919) % 1000) as f32 / 1000.0;
-        let range_m =
-            6.0 + 0.0004 * k as f32 + 3.0 * ((k / 40) % 4) as f32 + if k % 5 == 0 { 9.0 } else { 0.0 };
+        let range_m = 6.0
+            + 0.0004 * k as f32
+            + 3.0 * ((k / 40) % 4) as f32
+            + if k.is_multiple_of(5) { 9.0 } else { 0.0 };
         let flat = range_m * elevation.cos();
         [flat * azimuth.cos(), flat * azimuth.sin(), range_m * elevation.sin(), (k % 10) as f32 / 10.0]
     };

@@ -140,8 +140,8 @@ pub(super) fn in_order<T: Send, E>(
         };
         let receivers: Vec<_> = (0..workers).map(start).collect();
         // The first worker in turn that has nothing left has done the last frame.
-        let results = receivers.iter().cycle().map_while(|receiver| receiver.recv().ok());
-        results.into_iter().try_for_each(work)
+        let mut results = receivers.iter().cycle().map_while(|receiver| receiver.recv().ok());
+        results.try_for_each(work)
     })
 }
 
@@ -175,8 +175,8 @@ mod tests {
     fn frames_come_in_order_from_any_number_of_threads_and_a_failure_ends_them() {
         for threads in [1, 2, 3, 8, 40] {
             let mut seen = Vec::new();
-            let slow_first = |frame| {
-                std::thread::sleep(std::time::Duration::from_micros(if frame % 3 == 0 { 300 } else { 0 }));
+            let slow_first = |frame: usize| {
+                std::thread::sleep(std::time::Duration::from_micros(300 * (frame as u64 % 3)));
                 frame * frame
             };
             let work = |square| {

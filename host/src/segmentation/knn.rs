@@ -37,7 +37,7 @@ impl Default for KnnConfig {
 impl KnnConfig {
     pub(super) fn fault(&self) -> Option<DescriptionFault> {
         let fault = |key, expected| Some(DescriptionFault { key, expected });
-        if self.window % 2 == 0 || self.window > MAX_WINDOW {
+        if self.window.is_multiple_of(2) || self.window > MAX_WINDOW {
             fault("knn.window", "odd, and 15 at most")
         } else if self.neighbours > MAX_NEIGHBOURS.min(self.window * self.window) {
             fault("knn.neighbours", "at most 25, and not more than the window has pixels")
