@@ -98,3 +98,30 @@ fn nothing_is_found_with_nothing() {
         assert!(detector.query(&features, None).is_empty());
     }
 }
+
+/// What a foreign map may hold: the detector stays upright, and finds what is sound.
+#[test]
+fn strange_keypoints_do_no_harm() {
+    let values = [f32::NAN, f32::INFINITY, -1e30, 1e9, 500.0, 0.0, -0.0];
+    let strange = |k: usize| Keypoint {
+        position: [values[k % 7], values[k / 7 % 7], values[k / 49]],
+        class: SemanticClass::ALL[k % SemanticClass::COUNT],
+        points: 0,
+    };
+    for config in [without_gap(), Config { min_gap_s: 0.0, ..Config::PAPER }] {
+        let mut detector: Box<LoopDetector<8, 1024>> = detector(config);
+        detector.add(7, 0.0, &place(7));
+        for start in 0..20 {
+            let features =
+                Features::from_keypoints((start * 16..start * 16 + 40).filter(|k| *k < 343).map(strange));
+            assert!(features.keypoints.iter().all(|k| k.position.iter().all(|v| v.is_finite())));
+            for candidate in detector.query(&features, None) {
+                let t = candidate.old_from_new.translation.vector;
+                assert!(candidate.place != 7 && t.iter().all(|v| v.is_finite()), "{candidate:?}");
+            }
+            detector.add(100 + start as u32, 0.0, &features);
+            detector.add(7, 0.0, &place(7));
+        }
+        assert_eq!(detector.query(&place(7), None)[0].place, 7, "{:?}", config.rule);
+    }
+}

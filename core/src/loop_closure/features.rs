@@ -47,10 +47,11 @@ pub struct Features {
 }
 
 impl Features {
-    /// Features from keypoints in any order, as read from a saved map.
+    /// Features from keypoints in any order, as read from a saved map. Those that are not finite are passed over.
     pub fn from_keypoints(keypoints: impl IntoIterator<Item = Keypoint>) -> Self {
         let mut features = Self::default();
-        for keypoint in keypoints {
+        let finite = |keypoint: &Keypoint| keypoint.position.iter().all(|v| v.is_finite());
+        for keypoint in keypoints.into_iter().filter(finite) {
             features.insert(keypoint);
         }
         features
