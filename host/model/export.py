@@ -12,7 +12,7 @@ import onnx
 import torch
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from data import DEVIATIONS, FOV_DOWN_DEG, FOV_UP_DEG, MEANS, RAW_IDS
+from data import CLASSES, DEVIATIONS, FOV_DOWN_DEG, FOV_UP_DEG, MEANS, RAW_IDS
 from net import Net
 
 
@@ -67,10 +67,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("--out", type=Path, default=Path("default.onnx"))
+    parser.add_argument(
+        "--favour", nargs=2, action="append", default=[], metavar=("CLASS", "BIAS"),
+        help="adds to the logit of a class, for example: building 0.6",
+    )
     args = parser.parse_args()
     saved = torch.load(args.checkpoint, map_location="cpu", weights_only=True)
     net = Net(*saved["channels"])
     net.load_state_dict(saved["weights"])
+    for name, bias in args.favour:
+        net.head.bias.data[CLASSES.index(name)] += float(bias)
     image = torch.zeros(1, 5, saved["height"], saved["width"])
     torch.onnx.export(
         folded(net), (image,), args.out, opset_version=17, input_names=["image"], output_names=["logits"], dynamo=False
