@@ -111,7 +111,8 @@ impl<'a> Reader<'a> {
             return Err(SnapshotError::NotASnapshot);
         }
         let mut numbers = numbers.as_chunks().0.iter().map(|n| u32::from_le_bytes(*n));
-        let same_profile = profile.into_iter().all(|p| numbers.next() == Some(p));
+        // All of them are read, also behind one that differs.
+        let same_profile = profile.into_iter().fold(true, |same, p| (numbers.next() == Some(p)) & same);
         let content_bytes = numbers.next().unwrap_or(0) as usize;
         let (content, checksum) = rest.split_at_checked(content_bytes).ok_or(SnapshotError::NotASnapshot)?;
         let checksum = checksum.first_chunk().ok_or(SnapshotError::NotASnapshot)?;

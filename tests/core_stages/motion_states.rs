@@ -9,6 +9,12 @@ use sdslam_tests::stages::{box_points, landmarks_of};
 
 use crate::planar;
 
+/// A history without images, built on a thread with room for it: it passes through the stack.
+fn unseen() -> Box<Visibility> {
+    let thread = std::thread::Builder::new().stack_size(8 * size_of::<Visibility>());
+    thread.spawn(|| Box::new(<Visibility>::new())).expect("a thread").join().expect("enough stack")
+}
+
 /// A car of one landmark at (x, y), seen by a sensor at the origin.
 fn car_at(x: f32, y: f32) -> Vec<Landmark> {
     landmarks_of(&box_points([x, y, -0.7], [2.0, 0.8, 0.7], 6.0, SemanticClass::Car))
@@ -18,7 +24,7 @@ fn car_at(x: f32, y: f32) -> Vec<Landmark> {
 fn states_of_car(rule: Rule, speed_mps: f32, frames: usize) -> Vec<(MotionState, f32)> {
     let config = motion_state::Config { rule, ..motion_state::Config::DEFAULT };
     let mut tracks = heapless::Vec::<tracker::Track, 8>::new();
-    let visibility = Box::new(<Visibility>::new());
+    let visibility = unseen();
     let mut next_id = 0;
     let state = |k: usize| {
         let mut landmarks = car_at(-10.0 + 0.1 * speed_mps * k as f32, 6.0);
@@ -49,7 +55,7 @@ fn equation_5_tells_nothing_from_the_velocity_of_a_steady_mover() {
         config
     };
     let mut tracks = heapless::Vec::<tracker::Track, 8>::new();
-    let (visibility, mut next_id) = (Box::new(<Visibility>::new()), 0);
+    let (visibility, mut next_id) = (unseen(), 0);
     let mut states = Vec::new();
     for k in 0..30 {
         let mut landmarks = car_at(-10.0 + 0.8 * k as f32, 6.0);
@@ -94,7 +100,7 @@ fn the_filter_learns_the_speed_of_a_mover() {
 fn survives(hits: u32, gap: u32) -> bool {
     let config = motion_state::Config::DEFAULT;
     let mut tracks = heapless::Vec::<tracker::Track, 8>::new();
-    let (visibility, mut next_id) = (Box::new(<Visibility>::new()), 0);
+    let (visibility, mut next_id) = (unseen(), 0);
     let mut step = |mut landmarks: Vec<Landmark>| {
         tracker::update(
             &config,
@@ -124,7 +130,7 @@ fn a_landmark_without_a_free_track_stays_undecided() {
     let mut points = box_points([10.0, 6.0, -0.7], [2.0, 0.8, 0.7], 6.0, SemanticClass::Car);
     points.extend(box_points([-10.0, 6.0, -0.7], [2.0, 0.8, 0.7], 6.0, SemanticClass::Car));
     let mut tracks = heapless::Vec::<tracker::Track, 1>::new();
-    let (visibility, mut next_id) = (Box::new(<Visibility>::new()), 0);
+    let (visibility, mut next_id) = (unseen(), 0);
     for _ in 0..6 {
         let mut landmarks = landmarks_of(&points);
         let config = motion_state::Config::DEFAULT;
@@ -148,7 +154,7 @@ fn a_slow_sensor_does_not_make_a_creeping_car_fast() {
     // 0.5 m/s, below the threshold of 0.8 m/s, seen twice a second: the shift per frame is that of 2.5 m/s at 10 Hz.
     let config = motion_state::Config::DEFAULT;
     let mut tracks = heapless::Vec::<tracker::Track, 8>::new();
-    let (visibility, mut next_id) = (Box::new(<Visibility>::new()), 0);
+    let (visibility, mut next_id) = (unseen(), 0);
     for k in 0..12 {
         let mut landmarks = car_at(5.0 + 0.25 * k as f32, 6.0);
         tracker::update(
@@ -179,7 +185,7 @@ fn wall() -> Vec<LabelledPoint> {
 
 #[test]
 fn before_a_wall_is_free_at_it_occupied_and_behind_unknown() {
-    let mut visibility = Box::new(<Visibility>::new());
+    let mut visibility = unseen();
     visibility.add(&wall(), &pose::IDENTITY);
     let seen = |x: f32, y: f32| visibility.seen(0, &Vector3::new(x, y, -0.5), 0.4);
     assert_eq!(
@@ -198,7 +204,7 @@ fn before_a_wall_is_free_at_it_occupied_and_behind_unknown() {
 #[test]
 fn images_keep_their_places_when_the_frame_moves_and_are_forgotten_in_turn() {
     let at = planar(100.0, 50.0, 0.4);
-    let mut visibility = Box::new(<Visibility>::new());
+    let mut visibility = unseen();
     visibility.add(&wall(), &at);
     let place = |x: f32| (at * Point3::new(x, 0.0, -0.5)).coords;
     let shift = Vector3::new(96.0, 48.0, 0.0);
