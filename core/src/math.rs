@@ -9,9 +9,12 @@ pub fn floor_i32(v: f32) -> i32 {
     i - i32::from((i as f32) > v)
 }
 
-/// Angle wrapped to (-pi, pi].
+/// Angle wrapped to (-pi, pi]; 0 for one that is not finite or so large that its last bit is more than a milliradian.
 pub fn wrap(angle: f32) -> f32 {
     use core::f32::consts::PI;
+    if !(abs(angle) <= 1e4) {
+        return 0.0;
+    }
     let mut a = angle;
     while a > PI {
         a -= 2.0 * PI;
