@@ -1,5 +1,6 @@
 //! The network: an ONNX file, checked against its description, run by tract.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -38,7 +39,7 @@ impl Network {
             let output = output[0].cast_to::<f32>()?;
             Ok(output.try_as_plain_ram()?.as_slice()?.to_vec())
         };
-        run().map_err(|source| SegmentationError::Inference(source.into()))
+        guarded(run).map_err(|source| SegmentationError::Inference(source.into()))
     }
 }
 
@@ -111,17 +112,26 @@ impl Checked<'_> {
             expected: by_x(&shape),
             source: source.into(),
         };
-        let (output, model) = prepare().map_err(refused)?;
+        let (output, model) = guarded(prepare).map_err(refused)?;
         let expected = self.description.output_shape();
         if output != expected {
             return Err(self.shape_error("answers with", by_x(&output), &expected));
         }
-        model.into_runnable().map_err(refused)
+        guarded(|| model.into_runnable()).map_err(refused)
     }
 
     fn shape_error(&self, what: &'static str, found: String, expected: &[usize]) -> SegmentationError {
         SegmentationError::Shape { path: self.path.into(), what, found, expected: by_x(expected) }
     }
+}
+
+/// tract panics on some attributes that make no sense (a stride of 0): an error like any other here.
+fn guarded<T>(work: impl FnOnce() -> TractResult<T>) -> TractResult<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+        let said = panic.downcast_ref::<String>().map(String::as_str);
+        let said = said.or_else(|| panic.downcast_ref::<&str>().copied());
+        Err(TractError::msg(said.unwrap_or("an attribute makes no sense").to_owned()))
+    })
 }
 
 fn by_x(shape: &[usize]) -> String {
