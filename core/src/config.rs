@@ -1,7 +1,9 @@
 //! All parameters: one table per stage, checked once.
 
 use crate::error::ParameterError;
-use crate::{instances, label_filter, loop_closure, motion_state, precise_pose, preliminary_pose};
+use crate::{
+    calibration, instances, label_filter, loop_closure, motion_state, precise_pose, preliminary_pose,
+};
 
 /// All parameters, one table per stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,6 +11,8 @@ use crate::{instances, label_filter, loop_closure, motion_state, precise_pose, p
 pub struct Config {
     /// Label filter (section 3.1.2).
     pub label_filter: label_filter::Config,
+    /// Calibration of the elevations.
+    pub calibration: calibration::Config,
     /// Instances (section 3.1.2).
     pub instances: instances::Config,
     /// Preliminary pose (section 3.2).
@@ -26,6 +30,7 @@ impl Config {
     pub const fn accurate() -> Self {
         Self {
             label_filter: label_filter::Config::DEFAULT,
+            calibration: calibration::Config::DEFAULT,
             instances: instances::Config::DEFAULT,
             preliminary_pose: preliminary_pose::Config::DEFAULT,
             motion_state: motion_state::Config::DEFAULT,
@@ -38,6 +43,7 @@ impl Config {
     pub const fn paper() -> Self {
         Self {
             label_filter: label_filter::Config::DEFAULT,
+            calibration: calibration::Config::PAPER,
             instances: instances::Config::PAPER,
             preliminary_pose: preliminary_pose::Config::PAPER,
             motion_state: motion_state::Config::PAPER,
@@ -49,6 +55,9 @@ impl Config {
     /// Checks every parameter; names the first that is out of range.
     pub const fn check(&self) -> Result<(), ParameterError> {
         if let Err(error) = self.label_filter.check() {
+            return Err(error);
+        }
+        if let Err(error) = self.calibration.check() {
             return Err(error);
         }
         if let Err(error) = self.instances.check() {

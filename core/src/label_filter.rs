@@ -3,7 +3,6 @@
 
 use crate::error::ParameterError;
 use crate::estimate::PointCounts;
-use crate::precise_pose::elevation::Calibration;
 use crate::scan::{LabelledPoint, MotionClass, SemanticClass};
 use crate::scan_cells::ScanCells;
 
@@ -80,11 +79,10 @@ impl Config {
     }
 }
 
-/// Sorts the points of a scan, their elevations corrected, into `cells`. Each kept point's `landmark` field holds its cell afterwards, a dropped
-/// one [`LabelledPoint::NO_LANDMARK`].
+/// Sorts the points of a scan into `cells`. Each kept point's `landmark` field holds its cell afterwards, a dropped one
+/// [`LabelledPoint::NO_LANDMARK`].
 pub fn filter<const CELLS: usize>(
     config: &Config,
-    calibration: &Calibration,
     points: &mut [LabelledPoint],
     cells: &mut ScanCells<CELLS>,
 ) -> PointCounts {
@@ -110,7 +108,7 @@ pub fn filter<const CELLS: usize>(
             counts.unsure += 1;
         } else {
             let (side, inverse) = sides[point.class as usize];
-            match cells.add(calibration.correct(point.position), point.class, side, inverse) {
+            match cells.add(point.position, point.class, side, inverse) {
                 Some(cell) => {
                     point.landmark = cell;
                     *match motion {

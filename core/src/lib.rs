@@ -13,6 +13,7 @@ pub mod scan;
 pub mod snapshot;
 
 // The stages, in the paper's order
+pub mod calibration;
 pub mod label_filter;
 pub mod scan_cells;
 

@@ -6,6 +6,7 @@ mod snapshot;
 use heapless::Vec;
 use nalgebra::{Matrix6, Point3, Translation3, Vector3};
 
+use crate::calibration::Calibration;
 use crate::capacity::PAIRS;
 use crate::config::Config;
 use crate::ego_motion::EgoMotion;
@@ -23,7 +24,6 @@ use crate::motion_state::{
 };
 use crate::pose::{self, PlanarPose, Pose, compose};
 use crate::precise_pose::dense::{self, SourcePoint};
-use crate::precise_pose::elevation::Calibration;
 use crate::precise_pose::landmark_map::{self, MapLandmark};
 use crate::precise_pose::vertical;
 use crate::precise_pose::voxel_map::{Group, VoxelMap};
@@ -163,8 +163,8 @@ impl<
         let predicted = self.motion.predict(period_s);
 
         // 3.1.2: what each point is
-        evidence.points =
-            label_filter::filter(&self.config.label_filter, &self.calibration, scan.points, &mut self.cells);
+        evidence.points = label_filter::filter(&self.config.label_filter, scan.points, &mut self.cells);
+        self.calibration.apply(self.cells.cells_mut());
         observer.finished(Stage::LabelFilter);
 
         // 3.1.2: instances
@@ -455,7 +455,7 @@ impl<
         let (pose, path_m) = (self.motion.local_from_sensor, self.motion.path_m);
         if config.dense.enabled {
             let heights = dense::ground_heights(&config.voxels, &self.voxels, path_m, &self.source, &pose);
-            self.calibration.learn(&config.elevation, heights);
+            self.calibration.learn(&self.config.calibration, heights);
             let rotation = *pose.rotation.to_rotation_matrix().matrix();
             for cell in self.cells.cells() {
                 let Some(group) = group_of(cell, &self.landmarks) else { continue };

@@ -48,6 +48,13 @@ impl Cell {
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
 
+    /// Moves all its points [m].
+    pub fn shift(&mut self, by: &Vector3<f32>) {
+        for (c, v) in self.centre.iter_mut().zip(by.iter()) {
+            *c += v;
+        }
+    }
+
     fn add(&mut self, p: [f32; 3]) {
         let [x, y, z] = [p[0] - self.centre[0], p[1] - self.centre[1], p[2] - self.centre[2]];
         for (s, v) in self.sum.iter_mut().zip([x, y, z]) {

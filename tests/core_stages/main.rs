@@ -11,14 +11,12 @@ use sdslam_core::LabelledPoint;
 use sdslam_core::estimate::PointCounts;
 use sdslam_core::label_filter;
 use sdslam_core::pose::{self, Pose};
-use sdslam_core::precise_pose::elevation::Calibration;
 use sdslam_core::scan_cells::ScanCells;
 
 /// The cells of a scan, by the default label filter.
 fn filtered<const CELLS: usize>(points: &mut [LabelledPoint]) -> (Box<ScanCells<CELLS>>, PointCounts) {
     let mut cells = Box::new(ScanCells::new());
-    let counts =
-        label_filter::filter(&label_filter::Config::DEFAULT, &Calibration::new(), points, &mut cells);
+    let counts = label_filter::filter(&label_filter::Config::DEFAULT, points, &mut cells);
     (cells, counts)
 }
 

@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 use sdslam_core::label_filter;
 use sdslam_core::landmarks::{MotionState, layers};
-use sdslam_core::precise_pose::elevation::Calibration;
 use sdslam_core::scan_cells::ScanCells;
 use sdslam_core::{LabelledPoint, SemanticClass};
 use sdslam_tests::stages::{box_points, landmarks_of};
@@ -74,7 +73,7 @@ fn unsure_points_are_dropped_by_confidence() {
         })
         .collect();
     let mut cells = Box::new(ScanCells::<16>::new());
-    let counts = label_filter::filter(&config, &Calibration::new(), &mut points, &mut cells);
+    let counts = label_filter::filter(&config, &mut points, &mut cells);
     assert_eq!((counts.unsure, counts.pure_static), (128, 128));
 }
 
@@ -85,7 +84,7 @@ fn range_limits_are_inclusive() {
     let at = |x| LabelledPoint::new([x, 0.0, 0.0], SemanticClass::Building);
     let mut points = [3.999, 4.0, 64.0, 64.01, -4.0, -65.0].map(at);
     let mut cells = Box::new(ScanCells::<16>::new());
-    let counts = label_filter::filter(&config, &Calibration::new(), &mut points, &mut cells);
+    let counts = label_filter::filter(&config, &mut points, &mut cells);
     assert_eq!((counts.out_of_range, counts.pure_static), (3, 3));
 }
 #[test]

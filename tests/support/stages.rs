@@ -5,7 +5,6 @@ use sdslam_core::instances::{self, Instances};
 use sdslam_core::label_filter;
 use sdslam_core::landmarks::{self, Landmark};
 use sdslam_core::pose;
-use sdslam_core::precise_pose::elevation::Calibration;
 use sdslam_core::scan_cells::ScanCells;
 use sdslam_core::{LabelledPoint, SemanticClass};
 
@@ -17,12 +16,7 @@ const LANDMARKS: usize = 64;
 pub fn landmarks_of(points: &[LabelledPoint]) -> Vec<Landmark> {
     assert!(points.len() <= FULL_SCAN_POINTS);
     let mut cells = Box::new(ScanCells::<CELLS>::new());
-    let counts = label_filter::filter(
-        &label_filter::Config::DEFAULT,
-        &Calibration::new(),
-        &mut points.to_vec(),
-        &mut cells,
-    );
+    let counts = label_filter::filter(&label_filter::Config::DEFAULT, &mut points.to_vec(), &mut cells);
     assert_eq!(counts.over_capacity, 0, "the scan is too large for this helper");
     let config = instances::Config::DEFAULT;
     let mut found = Box::new(Instances::<CELLS, INSTANCES>::new());

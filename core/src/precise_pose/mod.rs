@@ -4,7 +4,6 @@
 //! that also carries roll.
 
 pub mod dense;
-pub mod elevation;
 pub mod landmark_map;
 pub mod vertical;
 pub mod voxel_map;
@@ -28,8 +27,6 @@ pub struct Config {
     pub dense: dense::Config,
     /// Voxels of the submap.
     pub voxels: voxel_map::Config,
-    /// Calibration of the elevations.
-    pub elevation: elevation::Config,
 }
 
 impl Config {
@@ -41,7 +38,6 @@ impl Config {
         vertical: vertical::Config::DEFAULT,
         dense: dense::Config::DEFAULT,
         voxels: voxel_map::Config::DEFAULT,
-        elevation: elevation::Config::DEFAULT,
     };
 
     /// Nothing but the paper.
@@ -50,7 +46,6 @@ impl Config {
         pairing: pairing::Config::PAPER,
         hulls: hull_registration::Config::PAPER,
         dense: dense::Config { enabled: false, ..dense::Config::DEFAULT },
-        elevation: elevation::Config::PAPER,
         ..Self::DEFAULT
     };
 
@@ -71,9 +66,6 @@ impl Config {
             return Err(error);
         }
         if let Err(error) = self.voxels.check() {
-            return Err(error);
-        }
-        if let Err(error) = self.elevation.check() {
             return Err(error);
         }
         self.dense.check()

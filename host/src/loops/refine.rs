@@ -4,7 +4,6 @@
 use nalgebra::{Matrix3, Matrix6, Point3, UnitQuaternion, Vector3, Vector6};
 use sdslam_core::label_filter;
 use sdslam_core::precise_pose::dense::{self, Registration, SourcePoint};
-use sdslam_core::precise_pose::elevation::Calibration;
 use sdslam_core::precise_pose::voxel_map::{self, Group, VoxelMap};
 use sdslam_core::scan_cells::ScanCells;
 use sdslam_core::{Config as CoreConfig, LabelledPoint, MapPose, Pose, SemanticClass};
@@ -132,7 +131,7 @@ impl Refiner {
     fn gather_source(&mut self, points: &[LabelledPoint]) {
         let mut points: Vec<LabelledPoint> = points.iter().copied().filter(|p| enters(p.class)).collect();
         let filter = label_filter::Config { max_range_m: SOURCE_RANGE_M, ..self.core.label_filter };
-        label_filter::filter(&filter, &Calibration::new(), &mut points, &mut self.cells);
+        label_filter::filter(&filter, &mut points, &mut self.cells);
         self.source.clear();
         let cells = self.cells.cells().iter();
         self.source.extend(cells.map(|c| SourcePoint { position: c.mean(), group: Group::of(c.class) }));

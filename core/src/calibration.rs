@@ -1,14 +1,15 @@
-//! Calibration of the elevations, learnt while driving. Not in the paper.
+//! Calibration of the beams' elevations, learnt while driving. Not in the paper.
 //!
 //! A beam that points 0.03 deg too high sees the ground 20 m ahead 1 cm too high. Nearer or farther, other beams see the
 //! same ground, so the submap and the scan disagree in the same way in every frame; the attitude gives in to it a
 //! little each time, and pitch drifts (0.1 deg per 100 m on a straight road, where nothing else holds it). The mean
-//! residual of the ground per elevation shows the error; it is taken out of the points before anything uses them.
+//! residual of the ground per elevation shows the error; it is taken out of the cells before anything uses them.
 
 use nalgebra::Vector3;
 
 use crate::error::ParameterError;
 use crate::math;
+use crate::scan_cells::Cell;
 
 /// Parameters of the calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,19 +23,16 @@ pub struct Config {
 
 impl Config {
     /// Defaults.
-    pub const DEFAULT: Self = Self { gain: 0.05, prior_m2: 3e4 };
+    pub const DEFAULT: Self = Self { gain: 0.1, prior_m2: 3e4 };
     /// The paper has none.
     pub const PAPER: Self = Self { gain: 0.0, ..Self::DEFAULT };
 
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
         if !(self.gain >= 0.0 && self.gain <= 1.0) {
-            return Err(ParameterError { parameter: "precise_pose.elevation.gain", expected: "0 to 1" });
+            return Err(ParameterError { parameter: "calibration.gain", expected: "0 to 1" });
         }
         if !(self.prior_m2 > 0.0) {
-            return Err(ParameterError {
-                parameter: "precise_pose.elevation.prior_m2",
-                expected: "positive",
-            });
+            return Err(ParameterError { parameter: "calibration.prior_m2", expected: "positive" });
         }
         Ok(())
     }
@@ -78,9 +76,16 @@ impl Calibration {
         self.correction_rad = [0.0; BINS];
     }
 
+    /// Corrects the elevations of a scan. The error changes so little within a cell that its mean is enough.
+    pub fn apply(&self, cells: &mut [Cell]) {
+        for cell in cells {
+            let seen = cell.mean();
+            cell.shift(&(Vector3::from(self.correct(seen.into())) - seen));
+        }
+    }
+
     /// A point with its elevation corrected [m, sensor frame].
-    #[inline]
-    pub fn correct(&self, p: [f32; 3]) -> [f32; 3] {
+    fn correct(&self, p: [f32; 3]) -> [f32; 3] {
         let Some((distance, [low, high])) = bins(p) else { return p };
         let turn = self.correction_rad[low.0] * low.1 + self.correction_rad[high.0] * high.1;
         // A small turn in the vertical plane through the point.
