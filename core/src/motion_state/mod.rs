@@ -80,7 +80,7 @@ pub struct Config {
     pub centre_noise_per_range: f32,
     /// Frames that a track survives without its landmark.
     pub max_misses: u32,
-    /// Landmarks seen before a track is called semi-static.
+    /// Landmarks seen before a track is called semi-static; twice as many while it shifts without proof of motion.
     pub min_hits: u32,
     /// Frames without evidence of motion before a dynamic track is called semi-static again.
     pub calm_frames: u32,

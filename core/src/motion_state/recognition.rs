@@ -98,10 +98,11 @@ fn common_shift(min_before: f32, max_before: f32, min_now: f32, max_now: f32) ->
 /// Updates the state of a track.
 pub fn decide(config: &Config, track: &mut Track, evidence: &MotionCues) {
     let class = class_config(config, track.family);
-    let moves = match config.rule {
+    let (moves, suspect) = match config.rule {
         Rule::Paper => {
-            evidence.velocity_difference >= class.max_velocity_difference
-                || evidence.position_difference_m >= class.max_position_difference_m
+            let differs = evidence.velocity_difference >= class.max_velocity_difference
+                || evidence.position_difference_m >= class.max_position_difference_m;
+            (differs, false)
         }
         Rule::Evidence => {
             let free = evidence.appeared.max(evidence.left);
@@ -115,7 +116,7 @@ pub fn decide(config: &Config, track: &mut Track, evidence: &MotionCues) {
             track.alarms = if weak { track.alarms + if supported { 2 } else { 1 } } else { 0 };
             // A shift may be an accident of the view; one that lasts is not.
             let freed = free >= class.free_share && free > evidence.stayed;
-            !evidence.at_rest && freed || track.alarms >= class.alarm_frames
+            (!evidence.at_rest && freed || track.alarms >= class.alarm_frames, shifted && !evidence.at_rest)
         }
     };
     track.cues = *evidence;
@@ -124,10 +125,12 @@ pub fn decide(config: &Config, track: &mut Track, evidence: &MotionCues) {
         false => track.calm + if evidence.at_rest { 2 } else { 1 },
     };
     let calm_needed = if config.rule == Rule::Paper { 1 } else { config.calm_frames };
+    // What shifts without proof of motion is watched for longer before it may hold the pose.
+    let hits_needed = config.min_hits * if suspect { 2 } else { 1 };
     track.state = match track.state {
         _ if moves => MotionState::Dynamic,
         MotionState::Dynamic if track.calm < calm_needed => MotionState::Dynamic,
-        _ if track.hits >= config.min_hits => MotionState::SemiStatic,
+        _ if track.hits >= hits_needed => MotionState::SemiStatic,
         _ => MotionState::Undecided,
     };
 }
