@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Gets what run.sh needs and is missing: QEMU, the bare-metal targets, defmt-print. Says what it could not get; the exit code
-# is 3 then. The core library for the Cortex-R5 may be missing: run.sh then leaves that board out.
+# is 3 then. With --r5 also the core library for the Cortex-R5, where it can be had.
 set -uo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=firmware-sim/board/r5_core.sh
@@ -26,11 +26,13 @@ have defmt-print || [ -x "${CARGO_HOME:-$HOME/.cargo}/bin/defmt-print" ] ||
     cargo install --quiet --locked defmt-print || missing+=("defmt-print (cargo install --locked defmt-print)")
 have readelf || missing+=("readelf (binutils)")
 
-if core=$(r5_core "$build") || { r5_get "$build" && core=$(r5_core "$build"); }; then
-    echo "Cortex-R5: core library from $core"
-else
-    echo "Cortex-R5: left out, for its core library could not be got: neither \`rustup target add $r5_target\` nor" \
-        "\`rustup component add rust-src\` nor Debian's rust-src $(r5_version)"
+if [ "${1:-}" = --r5 ]; then
+    if core=$(r5_core "$build") || { r5_get "$build" && core=$(r5_core "$build"); }; then
+        echo "Cortex-R5: core library from $core"
+    else
+        missing+=("the core library for the Cortex-R5 (rustup target add $r5_target, or its source: rustup component add" \
+            "rust-src, or Debian's rust-src $(r5_version))")
+    fi
 fi
 
 if [ ${#missing[@]} -gt 0 ]; then

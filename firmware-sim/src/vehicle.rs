@@ -41,7 +41,8 @@ pub struct HighWater {
 
 /// Registers every scan of the board until it has no more. `totals` is right at any time, also after an error.
 ///
-/// `odometry` is a new one; where the board has a saved state, the loop goes on from that. `points` holds one scan. No allocation, no panic; the cost of a scan is bounded by the capacities.
+/// `odometry` is a new one; where the board has a saved state, the loop goes on from that. `points` holds one scan. No
+/// allocation, no panic; the cost of a scan is bounded by the capacities.
 ///
 /// # Errors
 /// Those of the board. A scan that is refused is no error but a [`Fault`].

@@ -194,7 +194,7 @@ fn every_fault_is_survived() {
 #[test]
 fn a_drive_that_does_not_fit_says_what_and_when() {
     let (ok, small, _) = desk(&["fit", "--profile", "landmark"]);
-    assert!(ok && small.contains("points") && small.contains("0 (0.000 s)"), "{small}");
+    assert!(ok && small.contains("cells") && small.contains("1 (0.100 s)"), "{small}");
     let (ok, full, _) = desk(&["fit", "--profile", "full"]);
     assert!(ok && full.contains("the drive fits") && full.contains("0.000 m and 0.000 deg"), "{full}");
 }

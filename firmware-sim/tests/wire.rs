@@ -121,7 +121,7 @@ proptest! {
         let mut bytes = encoded(first.0, first.1, &first.2);
         bytes.truncate(at.index(bytes.len()));
         let rest: Vec<_> = rest.into_iter().map(|(n, s, mut p)| {
-            p.resize(40, BLANK);
+            p.resize(BLOCK_POINTS, BLANK);
             (n, s, p)
         }).collect();
         for (n, s, p) in &rest {

@@ -16,8 +16,8 @@
 //!
 //! A scan's content is its stamp \[s\] as f64, the number of points as u32, and [`POINT_BYTES`] for each point: x, y, z
 //! \[m\] as f32, the class, its confidence. Between every two blocks of [`BLOCK_POINTS`] there is the checksum of stamp, number
-//! and all points before it: a message without its end swallows the beginning of the next one and no more, however long it
-//! was to be. An answer's content is the estimate and the tracks, each in postcard's encoding. The header has a checksum of
+//! and all points before it: a message without its end swallows a block's bytes of what comes next and no more, however
+//! long it was to be. An answer's content is the estimate and the tracks, each in postcard's encoding. The header has a checksum of
 //! its own, so that a damaged length does not swallow good messages; after garbage the reader goes on at the next header that
 //! is whole.
 
