@@ -41,8 +41,10 @@ const RECOVERY_STEP_M: f32 = 0.4;
 /// and this many of them in each direction: enough for 40 m/s at 10 scans a second.
 const RECOVERY_STEPS: u32 = 10;
 
-/// Frames in a row that do not fit before the submap is given up.
+/// Frames in a row that do not fit before the submap is given up,
 const RESTART_FRAMES: u32 = 5;
+/// and before one is that no frame has fitted yet: it may have been made of a bad scan.
+const RESTART_UNCONFIRMED_FRAMES: u32 = 2;
 
 /// A start farther away must explain the scan this much better: ground alone fits everywhere.
 const RECOVERY_MARGIN: f32 = 1.02;
@@ -442,8 +444,10 @@ impl<
         let usable = dense.source_points >= self.config.precise_pose.dense.min_inliers;
         let misfit = usable && dense::misfits(&self.config.precise_pose.dense, dense);
         self.motion.misfits = if misfit { self.motion.misfits + 1 } else { 0 };
-        let stale = self.motion.misfits >= RESTART_FRAMES;
+        let patience = if self.motion.confirmed { RESTART_FRAMES } else { RESTART_UNCONFIRMED_FRAMES };
+        let stale = self.motion.misfits >= patience;
         if stale {
+            self.motion.confirmed = false;
             self.voxels.clear();
             self.map_landmarks.clear();
         }

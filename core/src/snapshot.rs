@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 /// Begins every snapshot.
 pub const MAGIC: [u8; 4] = *b"SDSN";
 /// Version of the content; another one is refused. Raised with every change of the state.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
 /// Bytes before the content.
 const HEADER_BYTES: usize = 4 + 2 + 7 * 4 + 4;
 const CHECKSUM_BYTES: usize = 4;

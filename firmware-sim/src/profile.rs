@@ -41,11 +41,9 @@ impl Profile for LandmarkOnly {
     type Odometry = LandmarkOdometry;
     type Loops = NoLoops;
     const POINTS: usize = LANDMARK_POINTS;
-    /// The paper's stages with its weak spots mended, without the dense refinement, on larger cells: 8192 sparse points fill twice
-    /// as many of the usual ones as the profile has.
+    /// The paper's stages, on larger cells: 8192 sparse points fill twice as many of the usual ones as the profile has.
     const CONFIG: Config = {
-        let mut config = Config::accurate();
-        (config.precise_pose.horizontal, config.precise_pose.dense.enabled) = (true, false);
+        let mut config = Config::paper();
         (config.label_filter.ground_cell_m, config.label_filter.large_cell_m) = (2.0, 0.8);
         (config.label_filter.small_cell_m, config.label_filter.movable_cell_m) = (0.25, 0.3);
         config
