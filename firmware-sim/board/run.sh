@@ -5,7 +5,7 @@
 #   run.sh [--profile full|landmark] [--boards "m7 a53"] [--scans N] [RECORDING]
 #
 # Without a recording it makes one of N (20) real-size scans through traffic; for the landmark profile, of scans that fit it.
-# setup.sh gets what is missing; after `setup.sh --r5` there may be a third board, r5 (Cortex-R5, on trial). Fails when a bit
+# setup.sh gets what is missing; after `setup.sh --r5` there may be a third board, r5 (Cortex-R5). Fails when a bit
 # differs, when a panic can be reached from the hot path, when there is a heap, and when stack, static memory or time of a
 # scan are above the limits.
 set -euo pipefail
