@@ -71,7 +71,7 @@ fn what_is_damaged_or_foreign_is_refused_and_changes_nothing() {
     refused(&flipped(good.len() / 2), SnapshotError::Checksum);
     refused(&flipped(good.len() - 1), SnapshotError::Checksum);
     refused(&good[..good.len() - 1], SnapshotError::NotASnapshot);
-    refused(&with_checksum(flipped(4)), SnapshotError::Version { found: 0x11 });
+    refused(&with_checksum(flipped(4)), SnapshotError::Version { found: 0x12 });
     refused(&with_checksum(flipped(6)), SnapshotError::OtherProfile);
     let mut small: Box<TinyOdometry> = on_heap(Config::accurate());
     assert_eq!(small.restore(&good), Err(SnapshotError::OtherProfile));

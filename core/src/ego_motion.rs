@@ -24,6 +24,8 @@ pub struct EgoMotion {
     pub lost: u32,
     /// Frames in a row whose points did not fit the submap.
     pub misfits: u32,
+    /// A frame was registered in the submap since it was started.
+    pub confirmed: bool,
 }
 
 impl EgoMotion {
@@ -38,6 +40,7 @@ impl EgoMotion {
         path_m: 0.0,
         lost: 1,
         misfits: 0,
+        confirmed: false,
     };
 
     /// The motion expected over `period_s`, at constant velocity.
@@ -61,7 +64,7 @@ impl EgoMotion {
                 let share = (period_s / self.unregistered_s) as f32;
                 self.previous_from_current =
                     if share < 1.0 { pose::exp(&(pose::log(&since) * share)) } else { since };
-                self.lost = 0;
+                (self.lost, self.confirmed) = (0, true);
             } else {
                 self.previous_from_current = step;
                 self.lost += 1;

@@ -35,8 +35,10 @@ use crate::scan_cells::{Cell, ScanCells};
 /// The origin of the local frame follows the vehicle in steps of about this length [m], so that single precision does.
 const ANCHOR_STEP_M: f32 = 160.0;
 
-/// Frames in a row that do not fit before the submap is given up.
+/// Frames in a row that do not fit before the submap is given up,
 const RESTART_FRAMES: u32 = 5;
+/// and before one is that no frame has fitted yet: it may have been made of a bad scan.
+const RESTART_UNCONFIRMED_FRAMES: u32 = 2;
 
 /// The odometry with its memory: no allocation, a bounded cost per scan. The capacities are explained in [`crate::capacity`].
 ///
@@ -293,8 +295,10 @@ impl<
         let usable = dense.source_points >= self.config.precise_pose.dense.min_inliers;
         let misfit = usable && dense::misfits(&self.config.precise_pose.dense, dense);
         self.motion.misfits = if misfit { self.motion.misfits + 1 } else { 0 };
-        let stale = self.motion.misfits >= RESTART_FRAMES;
+        let patience = if self.motion.confirmed { RESTART_FRAMES } else { RESTART_UNCONFIRMED_FRAMES };
+        let stale = self.motion.misfits >= patience;
         if stale {
+            self.motion.confirmed = false;
             self.voxels.clear();
             self.map_landmarks.clear();
         }

@@ -1,7 +1,11 @@
 #!/usr/bin/env bash
 # Gets what run.sh needs and is missing: QEMU, the bare-metal targets, defmt-print. Says what it could not get; the exit code
-# is 3 then.
+# is 3 then. With --r5 also the core library for the Cortex-R5, where it can be had.
 set -uo pipefail
+cd "$(dirname "$0")/../.."
+# shellcheck source=firmware-sim/board/r5_core.sh
+. firmware-sim/board/r5_core.sh
+build=$(realpath -m "${CARGO_TARGET_DIR:-target}")/board
 missing=()
 
 have() { command -v "$1" >/dev/null; }
@@ -21,6 +25,15 @@ done
 have defmt-print || [ -x "${CARGO_HOME:-$HOME/.cargo}/bin/defmt-print" ] ||
     cargo install --quiet --locked defmt-print || missing+=("defmt-print (cargo install --locked defmt-print)")
 have readelf || missing+=("readelf (binutils)")
+
+if [ "${1:-}" = --r5 ]; then
+    if core=$(r5_core "$build") || { r5_get "$build" && core=$(r5_core "$build"); }; then
+        echo "Cortex-R5: core library from $core"
+    else
+        missing+=("the core library for the Cortex-R5 (rustup target add $r5_target, or its source: rustup component add" \
+            "rust-src, or Debian's rust-src $(r5_version))")
+    fi
+fi
 
 if [ ${#missing[@]} -gt 0 ]; then
     printf 'not there, and could not be got: %s\n' "${missing[@]}" >&2

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use sdslam_core::snapshot::SnapshotError;
 use sdslam_core::{LabelledPoint, OdometryError, Stage};
 
 use crate::wire::Answer;
@@ -45,6 +46,24 @@ pub trait Board {
     /// Is told what was wrong with the last scan; the loop goes on.
     fn fault(&mut self, fault: Fault);
 
+    /// The last state that was saved before the board lost its power, if there is one: asked for once, before the first scan.
+    /// The loop goes on from it when it is intact, and starts anew when it is not.
+    fn saved_state(&mut self) -> Option<&[u8]> {
+        None
+    }
+
+    /// Memory that outlives a loss of power, when the state is to be saved now: asked for behind every scan. As many bytes as
+    /// the odometry has and [`SAVED_HEAD_BYTES`](crate::SAVED_HEAD_BYTES) always suffice. Not where the last saved state
+    /// lies: the power may go while this one is written.
+    fn room_for_state(&mut self) -> Option<&mut [u8]> {
+        None
+    }
+
+    /// The state was saved in the first `bytes` of what [`Self::room_for_state`] gave.
+    fn state_saved(&mut self, bytes: usize) {
+        let _ = bytes;
+    }
+
     /// A stage of the odometry is done. For measuring.
     fn stage_finished(&mut self, stage: Stage) {
         let _ = stage;
@@ -74,6 +93,10 @@ pub enum Fault {
         /// How far it went, compared with the board's clock \[s\].
         by_s: f64,
     },
+    /// The saved state is damaged, or of another program: the loop starts anew.
+    NotRestored(SnapshotError),
+    /// The state does not fit the board's memory for it.
+    NotSaved(SnapshotError),
     /// The answer came later than [`Board::DEADLINE_US`].
     Late {
         /// Time from the scan to its answer \[us\].
@@ -90,6 +113,8 @@ impl fmt::Display for Fault {
             }
             Self::Missed { scans } => write!(f, "{scans} scans before this one never came"),
             Self::ClockSet { by_s } => write!(f, "the sensor's clock was set by {by_s:.3} s"),
+            Self::NotRestored(error) => write!(f, "started anew: {error}"),
+            Self::NotSaved(error) => write!(f, "state not saved: {error}"),
             Self::Late { took_us } => write!(f, "answered after {took_us} us, past the deadline"),
         }
     }

@@ -56,13 +56,17 @@
 //! ```
 #![no_std]
 
+mod any_odometry;
 mod board;
 mod clock;
+mod loops;
 pub mod memory;
 pub mod profile;
+mod saved;
 mod vehicle;
 pub mod wire;
 
 pub use board::{Board, Fault, ScanHeader};
 pub use clock::SensorClock;
+pub use saved::SAVED_HEAD_BYTES;
 pub use vehicle::{HighWater, Totals, run};

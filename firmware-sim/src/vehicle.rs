@@ -3,9 +3,10 @@
 use sdslam_core::estimate::BufferUse;
 use sdslam_core::{FrameEstimate, FrameStatus, LabelledPoint, LabelledScan, Stage, StageObserver};
 
+use crate::any_odometry::AnyOdometry;
 use crate::board::{Board, Fault, ScanHeader};
-use crate::clock::SensorClock;
-use crate::profile::AnyOdometry;
+use crate::clock::scans_between;
+use crate::saved::Session;
 use crate::wire::Answer;
 
 /// What the loop has seen so far.
@@ -21,6 +22,8 @@ pub struct Totals {
     pub predicted: u32,
     /// Faults reported to the board.
     pub faults: u32,
+    /// Times that the loop went on from a saved state.
+    pub resumed: u32,
     /// Longest time from a scan to its answer, by the board's clock \[us\].
     pub longest_us: u64,
     /// Most that was ever used of each buffer.
@@ -38,7 +41,8 @@ pub struct HighWater {
 
 /// Registers every scan of the board until it has no more. `totals` is right at any time, also after an error.
 ///
-/// `points` holds one scan. No allocation, no panic; the cost of a scan is bounded by the capacities.
+/// `odometry` is a new one; where the board has a saved state, the loop goes on from that. `points` holds one scan. No
+/// allocation, no panic; the cost of a scan is bounded by the capacities.
 ///
 /// # Errors
 /// Those of the board. A scan that is refused is no error but a [`Fault`].
@@ -48,14 +52,13 @@ pub fn run<B: Board>(
     points: &mut [LabelledPoint],
     totals: &mut Totals,
 ) -> Result<(), B::Error> {
-    let mut clock = SensorClock::default();
-    let mut last_sequence = None;
+    let mut session = totals.resume(board, odometry);
     while let Some(header) = board.next_scan(points)? {
         let arrival_us = board.now_us();
         let capacity = points.len();
         totals.fetched(header.points);
-        totals.report_gaps(board, &mut last_sequence, &header, capacity);
-        let (stamp_s, set_s) = clock.steady(header.stamp_s, arrival_us);
+        totals.report_gaps(board, &mut session.last_sequence, &header, capacity);
+        let (stamp_s, set_s) = session.clock.steady(&header, arrival_us);
         if let Some(by_s) = set_s {
             totals.report(board, Fault::ClockSet { by_s });
         }
@@ -71,6 +74,7 @@ pub fn run<B: Board>(
             Err(error) => totals.report(board, Fault::Refused(error)),
         }
         totals.answered(board, arrival_us);
+        totals.keep(board, odometry, &session);
     }
     Ok(())
 }
@@ -85,6 +89,30 @@ impl<B: Board> StageObserver for Stages<'_, B> {
 }
 
 impl Totals {
+    /// From the saved state, if there is one and it is intact.
+    fn resume(&mut self, board: &mut impl Board, odometry: &mut impl AnyOdometry) -> Session {
+        match board.saved_state().map(|saved| Session::restore(saved, odometry)) {
+            None => Session::default(),
+            Some(Ok(session)) => {
+                self.resumed = self.resumed.saturating_add(1);
+                session
+            }
+            Some(Err(error)) => {
+                self.report(board, Fault::NotRestored(error));
+                Session::default()
+            }
+        }
+    }
+
+    /// Saves the state, where the board wants it.
+    fn keep(&mut self, board: &mut impl Board, odometry: &impl AnyOdometry, session: &Session) {
+        match board.room_for_state().map(|room| session.save(odometry, room)) {
+            None => {}
+            Some(Ok(bytes)) => board.state_saved(bytes),
+            Some(Err(error)) => self.report(board, Fault::NotSaved(error)),
+        }
+    }
+
     fn fetched(&mut self, points: usize) {
         self.scans = self.scans.saturating_add(1);
         self.high_water.points = self.high_water.points.max(points);
@@ -98,15 +126,15 @@ impl Totals {
         header: &ScanHeader,
         capacity: usize,
     ) {
-        // Sequence numbers wrap; a duplicate or an older scan is no gap.
-        let step = last_sequence.map_or(1, |last| header.sequence.wrapping_sub(last));
-        let forward = step > 0 && step < 1 << 31;
-        if forward && step > 1 {
-            self.missed = self.missed.saturating_add(step - 1);
-            self.report(board, Fault::Missed { scans: step - 1 });
-        }
-        if forward {
+        // A duplicate or a late scan is no gap, nor is a sender that counts anew.
+        let scans = last_sequence.and_then(|last| scans_between(last, header.sequence)).unwrap_or(1);
+        if scans > 0 {
             *last_sequence = Some(header.sequence);
+        }
+        if scans > 1 {
+            let scans = scans as u32 - 1;
+            self.missed = self.missed.saturating_add(scans);
+            self.report(board, Fault::Missed { scans });
         }
         if header.points > capacity {
             self.report(board, Fault::PointsLost { received: header.points, capacity });

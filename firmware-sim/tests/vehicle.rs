@@ -3,12 +3,13 @@
 use std::thread;
 
 use sdslam_core::estimate::BufferUse;
+use sdslam_core::snapshot::SnapshotError;
 use sdslam_core::{
     Config, FrameEstimate, FrameStatus, LabelledPoint, Odometry, OdometryError, SemanticClass,
 };
 use sdslam_firmware_sim::profile::AnyOdometry;
 use sdslam_firmware_sim::wire::Answer;
-use sdslam_firmware_sim::{Board, Fault, ScanHeader, Totals, run};
+use sdslam_firmware_sim::{Board, Fault, SAVED_HEAD_BYTES, ScanHeader, Totals, run};
 
 const POINTS: usize = 16384;
 
@@ -44,6 +45,13 @@ fn street(size: usize, travelled_m: f32) -> Vec<LabelledPoint> {
 #[derive(Default)]
 struct FakeBoard {
     scans: Vec<(f64, Vec<LabelledPoint>)>,
+    /// Their numbers, where they do not count from 0.
+    sequences: Vec<u32>,
+    /// What was saved before.
+    saved: Option<Vec<u8>>,
+    /// Room for the state, and the bytes saved there.
+    room: Vec<u8>,
+    saved_bytes: usize,
     fail_at: Option<usize>,
     /// Scans that come this much later than their stamp says \[us\].
     late_us: u64,
@@ -68,8 +76,8 @@ impl Board for FakeBoard {
         for (to, from) in points.iter_mut().zip(scan) {
             *to = *from;
         }
-        let sequence = self.fetched as u32;
-        self.clock_us = 100_000 * u64::from(sequence) + self.late_us;
+        let sequence = self.sequences.get(self.fetched).copied().unwrap_or(self.fetched as u32);
+        self.clock_us = self.clock_us.max(100_000 * u64::from(sequence) + self.late_us);
         self.fetched += 1;
         self.awaits_estimate = true;
         Ok(Some(ScanHeader { sequence, stamp_s: *stamp_s, points: scan.len() }))
@@ -93,6 +101,18 @@ impl Board for FakeBoard {
 
     fn fault(&mut self, fault: Fault) {
         self.faults.push(fault);
+    }
+
+    fn saved_state(&mut self) -> Option<&[u8]> {
+        self.saved.as_deref()
+    }
+
+    fn room_for_state(&mut self) -> Option<&mut [u8]> {
+        (!self.room.is_empty()).then_some(&mut *self.room)
+    }
+
+    fn state_saved(&mut self, bytes: usize) {
+        self.saved_bytes = bytes;
     }
 }
 
@@ -127,14 +147,15 @@ fn every_scan_is_published_once_and_in_order() {
 #[test]
 fn a_refused_scan_is_a_fault_and_changes_nothing_else() {
     let (without, _) = drive(steady(5));
-    for (stamp_s, error) in [
-        (0.05, OdometryError::TimeWentBack { previous_s: 0.2, current_s: 0.05 }),
-        (0.2, OdometryError::TimeWentBack { previous_s: 0.2, current_s: 0.2 }),
-        (f64::NAN, OdometryError::StampNotFinite),
+    // A scan that comes late, one that comes twice, and one whose stamp is none.
+    for (sequence, stamp_s, error) in [
+        (1, 0.1, OdometryError::TimeWentBack { previous_s: 0.2, current_s: 0.1 }),
+        (2, 0.2, OdometryError::TimeWentBack { previous_s: 0.2, current_s: 0.2 }),
+        (2, f64::NAN, OdometryError::StampNotFinite),
     ] {
-        let mut scans = steady(5);
+        let (mut scans, sequences) = (steady(5), vec![0, 1, 2, sequence, 3, 4]);
         scans.insert(3, (stamp_s, street(16000, 3.0)));
-        let (with, totals) = drive(scans);
+        let (with, totals, _) = drive_with(FakeBoard { scans, sequences, ..FakeBoard::default() }, POINTS);
         assert_eq!(with.faults, [Fault::Refused(error)]);
         assert_eq!((totals.scans, totals.estimates, totals.faults), (6, 5, 1));
         assert_eq!(with.estimates, without.estimates);
@@ -222,7 +243,7 @@ fn the_parts_of_the_memory_are_the_whole() {
 #[test]
 fn a_clock_that_is_set_loses_no_scan_and_changes_no_pose() {
     let (steady_clock, _) = drive(steady(6));
-    for by_s in [-3600.0, -0.5, 0.5, 1e6] {
+    for by_s in [-3600.0, -0.5, -0.2, -0.1, 0.1, 0.2, 0.5, 1e6] {
         let mut scans = steady(6);
         for (stamp_s, _) in &mut scans[3..] {
             *stamp_s += by_s;
@@ -250,4 +271,64 @@ fn late_answers_are_faults() {
         POINTS,
     );
     assert_eq!(on_time.faults, []);
+}
+
+/// Drives through `steady(8)`, the sensor's clock set back in the fourth scan.
+fn with_a_clock_set(scans: std::ops::Range<usize>) -> FakeBoard {
+    let mut all = steady(8);
+    for (stamp_s, _) in &mut all[3..] {
+        *stamp_s -= 100.0;
+    }
+    let sequences = scans.clone().map(|scan| scan as u32).collect();
+    FakeBoard { scans: all[scans].to_vec(), sequences, ..FakeBoard::default() }
+}
+
+/// What was saved after five scans of that drive.
+fn saved_after_five() -> Vec<u8> {
+    let room = vec![0; size_of::<SmallOdometry>() + SAVED_HEAD_BYTES];
+    let (mut board, ..) = drive_with(FakeBoard { room, ..with_a_clock_set(0..5) }, POINTS);
+    board.room.truncate(board.saved_bytes);
+    board.room
+}
+
+/// The text of the numbers shows every bit.
+fn bits(estimates: &[FrameEstimate]) -> Vec<String> {
+    estimates.iter().map(|estimate| format!("{estimate:?}")).collect()
+}
+
+#[test]
+fn after_a_power_cycle_the_loop_goes_on_with_the_same_bits() {
+    let (without, ..) = drive_with(with_a_clock_set(0..8), POINTS);
+    let (resumed, totals, _) =
+        drive_with(FakeBoard { saved: Some(saved_after_five()), ..with_a_clock_set(5..8) }, POINTS);
+    assert_eq!((totals.resumed, totals.estimates, &resumed.faults[..]), (1, 3, &[][..]));
+    assert_eq!(bits(&resumed.estimates), bits(&without.estimates[5..]));
+}
+
+#[test]
+fn a_damaged_state_is_refused_and_the_loop_starts_anew() {
+    let (anew, ..) = drive_with(with_a_clock_set(5..8), POINTS);
+    let good = saved_after_five();
+    for (at, error) in [
+        (0, SnapshotError::NotASnapshot),
+        (10, SnapshotError::Checksum),
+        (SAVED_HEAD_BYTES, SnapshotError::NotASnapshot),
+        (good.len() / 2, SnapshotError::Checksum),
+    ] {
+        let mut damaged = good.clone();
+        damaged[at] ^= 0x10;
+        let (board, totals, _) =
+            drive_with(FakeBoard { saved: Some(damaged), ..with_a_clock_set(5..8) }, POINTS);
+        assert_eq!((totals.resumed, &board.faults[..]), (0, &[Fault::NotRestored(error)][..]));
+        assert_eq!(bits(&board.estimates), bits(&anew.estimates));
+    }
+}
+
+#[test]
+fn a_state_that_does_not_fit_is_a_fault_and_nothing_else() {
+    let (without, _) = drive(steady(3));
+    let board = FakeBoard { scans: steady(3), room: vec![0; 1000], ..FakeBoard::default() };
+    let (board, ..) = drive_with(board, POINTS);
+    assert_eq!(board.faults, [Fault::NotSaved(SnapshotError::BufferFull); 3]);
+    assert_eq!((board.saved_bytes, bits(&board.estimates)), (0, bits(&without.estimates)));
 }

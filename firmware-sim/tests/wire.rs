@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use sdslam_core::{LabelledPoint, SemanticClass};
 use sdslam_firmware_sim::ScanHeader;
 use sdslam_firmware_sim::wire::{
-    HEADER_BYTES, Received, ScanReader, WireError, read_answer, scan_bytes, write_scan,
+    BLOCK_POINTS, HEADER_BYTES, Received, ScanReader, WireError, read_answer, scan_bytes, write_scan,
 };
 
 /// Any bits, NaN included, and any class.
@@ -17,8 +17,10 @@ fn point() -> impl Strategy<Value = LabelledPoint> {
     })
 }
 
+/// Now and then of more than one block.
 fn scan() -> impl Strategy<Value = (u32, f64, Vec<LabelledPoint>)> {
-    (any::<u32>(), any::<f64>(), prop::collection::vec(point(), 0..40))
+    let size = prop_oneof![9 => 0..40usize, 1 => BLOCK_POINTS - 1..2 * BLOCK_POINTS + 2];
+    (any::<u32>(), any::<f64>(), size.prop_flat_map(|size| prop::collection::vec(point(), size)))
 }
 
 fn encoded(sequence: u32, stamp_s: f64, points: &[LabelledPoint]) -> Vec<u8> {
@@ -43,7 +45,7 @@ type Found = Result<(u32, u64, Vec<([u32; 3], SemanticClass, u8)>), WireError>;
 /// Reads a stream in pieces of these lengths, again and again.
 fn read(bytes: &[u8], pieces: &[usize]) -> Vec<Found> {
     let mut reader = ScanReader::new();
-    let mut points = vec![BLANK; 64];
+    let mut points = vec![BLANK; 3 * BLOCK_POINTS];
     let (mut found, mut rest) = (Vec::new(), bytes);
     for length in pieces.iter().cycle() {
         if rest.is_empty() {
@@ -119,7 +121,7 @@ proptest! {
         let mut bytes = encoded(first.0, first.1, &first.2);
         bytes.truncate(at.index(bytes.len()));
         let rest: Vec<_> = rest.into_iter().map(|(n, s, mut p)| {
-            p.resize(40, BLANK);
+            p.resize(BLOCK_POINTS, BLANK);
             (n, s, p)
         }).collect();
         for (n, s, p) in &rest {
@@ -127,6 +129,22 @@ proptest! {
         }
         let good = read(&bytes, &[4096]).into_iter().filter(Result::is_ok).count();
         prop_assert!(good >= rest.len() - 1, "{} of {}", good, rest.len());
+    }
+
+    #[test]
+    fn a_truncated_scan_of_many_blocks_costs_no_more(
+        first in (2000..5000usize, any::<prop::sample::Index>()), rest in prop::collection::vec(1100..1500usize, 3),
+        pieces in prop::collection::vec(1usize..3000, 1..5),
+    ) {
+        let block = |sequence: usize, size| encoded(sequence as u32, 0.5, &vec![BLANK; size]);
+        let mut bytes = block(0, first.0);
+        bytes.truncate(first.1.index(bytes.len()));
+        for (index, size) in rest.iter().enumerate() {
+            bytes.extend(block(index + 1, *size));
+        }
+        let good = read(&bytes, &pieces).into_iter().flatten().map(|(sequence, ..)| sequence);
+        // The end of the first is missing, the beginning of the second was taken for it.
+        prop_assert!(good.collect::<Vec<_>>().ends_with(&[2, 3]));
     }
 
     #[test]

@@ -3,6 +3,9 @@
 
 use core::arch::{asm, global_asm};
 
+#[path = "alone.rs"]
+mod alone;
+
 /// Instructions per tick of the generic timer: with `-icount shift=0` an instruction takes a nanosecond, and the timer
 /// runs at 62.5 MHz.
 const INSTRUCTIONS_PER_TICK: u64 = 16;
@@ -46,15 +49,4 @@ pub fn instructions() -> u64 {
 /// Instructions between two readings.
 pub fn since(before: u64, now: u64) -> u64 {
     now.saturating_sub(before)
-}
-
-/// One processor without interrupts: every section is critical.
-struct Alone;
-
-critical_section::set_impl!(Alone);
-
-// SAFETY: there is nothing that could come in between.
-unsafe impl critical_section::Impl for Alone {
-    unsafe fn acquire() {}
-    unsafe fn release((): ()) {}
 }

@@ -13,24 +13,16 @@ use sdslam_firmware_sim::{Totals, run};
 use semihosting::process::ExitCode;
 
 mod board;
-#[cfg(target_arch = "aarch64")]
-#[path = "cortex_a.rs"]
+#[cfg_attr(processor = "cortex_a", path = "cortex_a.rs")]
+#[cfg_attr(processor = "cortex_m", path = "cortex_m.rs")]
+#[cfg_attr(processor = "cortex_r", path = "cortex_r.rs")]
 mod processor;
-#[cfg(target_arch = "arm")]
-#[path = "cortex_m.rs"]
-mod processor;
+mod profile;
 mod stack;
 
 use board::EmulatedBoard;
+use profile::{Chosen, Odometry};
 
-/// The memory profile.
-#[cfg(not(feature = "landmark"))]
-type Chosen = sdslam_firmware_sim::profile::FullScan;
-/// The memory profile.
-#[cfg(feature = "landmark")]
-type Chosen = sdslam_firmware_sim::profile::LandmarkOnly;
-
-type Odometry = <Chosen as Profile>::Odometry;
 type Points = [LabelledPoint; Chosen::POINTS];
 
 #[unsafe(link_section = ".external")]

@@ -10,7 +10,9 @@ use core::ptr;
 use sdslam_core::{LabelledPoint, LabelledScan};
 use sdslam_firmware_sim::wire::{Received, ScanReader};
 
-type Odometry = <sdslam_firmware_sim::profile::FullScan as sdslam_firmware_sim::profile::Profile>::Odometry;
+mod profile;
+
+use profile::Odometry;
 
 /// The hot path: bytes to a scan, a scan to an estimate. The memory is the caller's.
 ///

@@ -4,11 +4,14 @@
 use std::time::Instant;
 
 use anyhow::{Context, bail, ensure};
+use sdslam_core::snapshot::SnapshotError;
 use sdslam_core::{FrameEstimate, LabelledPoint, Stage};
+use sdslam_firmware_sim::profile::{AnyLoops, LoopUse};
 use sdslam_firmware_sim::wire::{Answer, Received, ScanReader, WireError, write_answer};
 use sdslam_firmware_sim::{Board, Fault, ScanHeader};
 
 use crate::link::Delivery;
+use crate::retained::Retained;
 
 /// Bytes that the line hands over at once: a message comes in pieces that end anywhere.
 const PIECE_BYTES: usize = 1500;
@@ -22,6 +25,8 @@ pub enum Event {
         sequence: u32,
         /// Pose and evidence.
         estimate: Box<FrameEstimate>,
+        /// The loop table after it.
+        loops: LoopUse,
     },
     /// A fault of the scan with this number.
     Fault {
@@ -32,6 +37,8 @@ pub enum Event {
     },
     /// A message was left out.
     Damaged(WireError),
+    /// The power was lost; what was saved is damaged.
+    NotRestored(SnapshotError),
 }
 
 /// The scan in the board's hands.
@@ -43,7 +50,7 @@ struct Open {
 }
 
 /// A board that receives deliveries.
-pub struct DeskBoard {
+pub struct DeskBoard<'a> {
     line: Box<dyn Iterator<Item = anyhow::Result<Delivery>>>,
     delivery: Option<(Delivery, usize)>,
     reader: ScanReader,
@@ -51,6 +58,8 @@ pub struct DeskBoard {
     ended: bool,
     clock_us: u64,
     busy_us: u64,
+    loops: &'a mut dyn AnyLoops,
+    retained: Option<Retained>,
     stage_began: Instant,
     /// What the loop did.
     pub events: Vec<Event>,
@@ -63,9 +72,14 @@ pub struct DeskBoard {
     answer: Vec<u8>,
 }
 
-impl DeskBoard {
-    /// A board at the end of a line, that takes `busy_us` from a scan to its answer.
-    pub fn new(line: Box<dyn Iterator<Item = anyhow::Result<Delivery>>>, busy_us: u64) -> Self {
+impl<'a> DeskBoard<'a> {
+    /// A board at the end of a line, that takes `busy_us` from a scan to its answer, and shows each answer to `loops`.
+    pub fn new(
+        line: Box<dyn Iterator<Item = anyhow::Result<Delivery>>>,
+        busy_us: u64,
+        loops: &'a mut dyn AnyLoops,
+        retained: Option<Retained>,
+    ) -> Self {
         Self {
             line,
             delivery: None,
@@ -74,6 +88,8 @@ impl DeskBoard {
             ended: false,
             clock_us: 0,
             busy_us,
+            loops,
+            retained,
             stage_began: Instant::now(),
             events: Vec::new(),
             stages_ms: Vec::new(),
@@ -88,14 +104,19 @@ impl DeskBoard {
         self.reader.skipped()
     }
 
-    /// Whether the loop ended because the board loses its power. It starts again with nothing in its hands.
+    /// Whether the loop ended because the board loses its power. It starts again with nothing in its hands but what outlives
+    /// that.
     pub fn power_cycle(&mut self) -> bool {
-        let lost = matches!(&self.delivery, Some((delivery, 0)) if delivery.power_cycle);
-        if let Some((delivery, _)) = self.delivery.as_mut().filter(|_| lost) {
-            delivery.power_cycle = false;
-            (self.reader, self.ended) = (ScanReader::new(), false);
+        let delivery = self.delivery.as_mut().filter(|(_, at)| *at == 0);
+        let Some(leaves) = delivery.and_then(|(delivery, _)| delivery.power_cycle.take()) else {
+            return false;
+        };
+        (self.reader, self.ended) = (ScanReader::new(), false);
+        self.loops.clear();
+        if let Some(retained) = &mut self.retained {
+            retained.lose_power(leaves);
         }
-        lost
+        true
     }
 
     /// The rest of the delivery at hand, or the next one.
@@ -130,7 +151,7 @@ impl DeskBoard {
     }
 }
 
-impl Board for DeskBoard {
+impl Board for DeskBoard<'_> {
     type Error = anyhow::Error;
 
     fn next_scan(&mut self, points: &mut [LabelledPoint]) -> anyhow::Result<Option<ScanHeader>> {
@@ -138,7 +159,7 @@ impl Board for DeskBoard {
         self.open = None;
         while self.refill()? {
             let Some((delivery, at)) = &mut self.delivery else { break };
-            if delivery.power_cycle && *at == 0 {
+            if delivery.power_cycle.is_some() && *at == 0 {
                 self.ended = true;
                 return Ok(None);
             }
@@ -169,7 +190,12 @@ impl Board for DeskBoard {
         ensure!(!open.answered, "scan {} was answered twice", open.sequence);
         ensure!(answer.sequence == open.sequence, "an answer to a scan other than {}", open.sequence);
         open.answered = true;
-        self.events.push(Event::Answer { sequence: answer.sequence, estimate: Box::new(answer.estimate) });
+        self.loops.add_scan(&answer.estimate, answer.points);
+        self.events.push(Event::Answer {
+            sequence: answer.sequence,
+            estimate: Box::new(answer.estimate),
+            loops: self.loops.usage(),
+        });
         let bytes = write_answer(answer, &mut self.answer).context("the answer does not fit its buffer")?;
         self.answers.extend_from_slice(&self.answer[..bytes]);
         self.largest_answer = self.largest_answer.max(bytes);
@@ -184,9 +210,28 @@ impl Board for DeskBoard {
     }
 
     fn fault(&mut self, fault: Fault) {
-        let Some(open) = &mut self.open else { return };
-        open.answered |= matches!(fault, Fault::Refused(_));
-        self.events.push(Event::Fault { sequence: open.sequence, fault });
+        match (&mut self.open, fault) {
+            (Some(open), fault) => {
+                open.answered |= matches!(fault, Fault::Refused(_));
+                self.events.push(Event::Fault { sequence: open.sequence, fault });
+            }
+            (None, Fault::NotRestored(error)) => self.events.push(Event::NotRestored(error)),
+            (None, _) => {}
+        }
+    }
+
+    fn saved_state(&mut self) -> Option<&[u8]> {
+        self.retained.as_ref()?.saved()
+    }
+
+    fn room_for_state(&mut self) -> Option<&mut [u8]> {
+        self.retained.as_mut()?.room()
+    }
+
+    fn state_saved(&mut self, bytes: usize) {
+        if let Some(retained) = &mut self.retained {
+            retained.saved_in_room(bytes);
+        }
     }
 
     fn stage_finished(&mut self, stage: Stage) {

@@ -2,7 +2,7 @@
 
 use oorandom::Rand64;
 
-use crate::link::{Delivery, encoded};
+use crate::link::{Delivery, PowerCycle, encoded};
 use crate::source::RecordedScan;
 
 /// A kind of fault.
@@ -24,13 +24,15 @@ pub enum FaultKind {
     Late,
     /// The sensor's clock is set, back or forth.
     TimeJump,
-    /// The board loses its power for a moment.
+    /// The board loses its power for a moment, and all that it knows.
     Reset,
+    /// The board loses its power for a moment; the last saved state is still there, one time in four damaged.
+    Resume,
 }
 
 impl FaultKind {
     /// All kinds.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Drop,
         Self::Duplicate,
         Self::Truncate,
@@ -40,6 +42,7 @@ impl FaultKind {
         Self::Late,
         Self::TimeJump,
         Self::Reset,
+        Self::Resume,
     ];
 
     /// Name for the table.
@@ -54,6 +57,7 @@ impl FaultKind {
             Self::Late => "late scan",
             Self::TimeJump => "time jump",
             Self::Reset => "reset",
+            Self::Resume => "reset, resumed",
         }
     }
 }
@@ -102,16 +106,16 @@ pub fn inject(scans: &[RecordedScan], plan: &Plan, capacity: usize, random: &mut
             let garbage = (0..below(random, 3000)).map(|_| random.rand_u64() as u8);
             delivery.bytes.splice(0..0, garbage);
         }
-        delivery.power_cycle = has(FaultKind::Reset);
+        delivery.power_cycle = power_cycle(&kinds, random);
         let after = late.take();
         if has(FaultKind::Late) {
             late = Some(delivery);
-        } else if !has(FaultKind::Drop) || delivery.power_cycle {
+        } else if !has(FaultKind::Drop) || delivery.power_cycle.is_some() {
             if has(FaultKind::Drop) {
                 delivery.bytes.clear();
             }
             if has(FaultKind::Duplicate) {
-                line.push(Delivery { power_cycle: false, ..delivery.clone() });
+                line.push(Delivery { power_cycle: None, ..delivery.clone() });
             }
             line.push(delivery);
         }
@@ -119,6 +123,16 @@ pub fn inject(scans: &[RecordedScan], plan: &Plan, capacity: usize, random: &mut
     }
     line.extend(late);
     line
+}
+
+fn power_cycle(kinds: &[FaultKind], random: &mut Rand64) -> Option<PowerCycle> {
+    if kinds.contains(&FaultKind::Reset) {
+        return Some(PowerCycle::Nothing);
+    }
+    kinds.contains(&FaultKind::Resume).then(|| match below(random, 4) {
+        0 => PowerCycle::DamagedState,
+        _ => PowerCycle::SavedState,
+    })
 }
 
 fn below(random: &mut Rand64, end: usize) -> usize {

@@ -6,6 +6,7 @@ use std::fmt::Write;
 use sdslam_core::estimate::BufferUse;
 use sdslam_core::{FrameEstimate, MapPose};
 use sdslam_firmware_sim::Fault;
+use sdslam_firmware_sim::profile::LoopUse;
 
 use crate::replay::Replay;
 
@@ -55,9 +56,20 @@ pub fn report(replay: &Replay, full: &Replay) -> String {
     text + &loss(replay, full)
 }
 
-fn overflows(replay: &Replay) -> [(&'static str, Overflow); 6] {
-    let mut all = ["points", "cells", "landmarks", "tracks", "submap voxels", "submap landmarks"]
-        .map(|name| (name, Overflow::default()));
+/// The buffers, in the order of the table.
+const BUFFERS: [&str; 8] = [
+    "points",
+    "cells",
+    "landmarks",
+    "tracks",
+    "submap voxels",
+    "submap landmarks",
+    "loop places",
+    "loop columns",
+];
+
+fn overflows(replay: &Replay) -> [(&'static str, Overflow); BUFFERS.len()] {
+    let mut all = BUFFERS.map(|name| (name, Overflow::default()));
     let stamps: HashMap<u32, f64> = replay.estimates().map(|(s, e)| (s, e.stamp_s)).collect();
     for (sequence, fault) in replay.faults() {
         if let Fault::PointsLost { received, capacity } = fault {
@@ -65,22 +77,25 @@ fn overflows(replay: &Replay) -> [(&'static str, Overflow); 6] {
             all[0].1.add(sequence, stamp_s, (received - capacity) as u32);
         }
     }
-    let mut before = BufferUse::default();
-    for (sequence, FrameEstimate { stamp_s, evidence, .. }) in replay.estimates() {
+    let mut before = (BufferUse::default(), LoopUse::default());
+    for ((sequence, FrameEstimate { stamp_s, evidence, .. }), loops) in replay.estimates().zip(replay.loops())
+    {
         let now = evidence.buffers;
-        // The submap counts from its beginning; it may have been started anew.
+        // Submap and loop table count from their beginning; they may have been started anew.
         let since = |now: u32, before: u32| if now >= before { now - before } else { now };
         let lost = [
             now.cells_refused,
             now.landmarks_refused,
             now.tracks_refused,
-            since(now.voxels_evicted, before.voxels_evicted),
-            since(now.submap_landmarks_evicted, before.submap_landmarks_evicted),
+            since(now.voxels_evicted, before.0.voxels_evicted),
+            since(now.submap_landmarks_evicted, before.0.submap_landmarks_evicted),
+            since(loops.places_forgotten, before.1.places_forgotten),
+            since(loops.points_left_out, before.1.points_left_out),
         ];
         for ((_, overflow), lost) in all[1..].iter_mut().zip(lost) {
             overflow.add(sequence, *stamp_s, lost);
         }
-        before = now;
+        before = (now, loops);
     }
     all
 }
@@ -97,13 +112,17 @@ fn loss(replay: &Replay, full: &Replay) -> String {
         (metres, degrees) = (metres.max(m), degrees.max(d));
     }
     let tracks = |r: &Replay| -> u32 { r.estimates().map(|(_, e)| e.evidence.motion.tracks).sum() };
+    let recognised = |r: &Replay| r.loops().last().map_or(0, |loops| loops.recognised);
     format!(
         "\nnext to the full profile of {} bytes: poses at most {metres:.3} m and {degrees:.3} deg apart; \
-         {} estimates predicted against {}; {} tracks over all scans against {}\n",
+         {} estimates predicted against {}; {} tracks over all scans against {}; \
+         {} keyframes in which an old place was recognised against {}\n",
         full.bytes,
         replay.totals.predicted,
         full.totals.predicted,
         tracks(replay),
-        tracks(full)
+        tracks(full),
+        recognised(replay),
+        recognised(full)
     )
 }

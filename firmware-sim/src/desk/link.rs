@@ -14,13 +14,24 @@ pub struct Delivery {
     /// What.
     pub bytes: Vec<u8>,
     /// The board loses its power before this delivery.
-    pub power_cycle: bool,
+    pub power_cycle: Option<PowerCycle>,
+}
+
+/// What a loss of power leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PowerCycle {
+    /// Nothing.
+    Nothing,
+    /// The last saved state.
+    SavedState,
+    /// The last saved state, with a bit flipped.
+    DamagedState,
 }
 
 impl Delivery {
     /// A scan that arrives when it was taken.
     pub fn of(scan: &RecordedScan) -> Self {
-        Self { arrival_us: (scan.stamp_s.max(0.0) * 1e6) as u64, bytes: encoded(scan), power_cycle: false }
+        Self { arrival_us: (scan.stamp_s.max(0.0) * 1e6) as u64, bytes: encoded(scan), power_cycle: None }
     }
 }
 

@@ -10,6 +10,7 @@ mod labels;
 mod link;
 mod replay;
 mod report;
+mod retained;
 mod scenarios;
 mod source;
 
@@ -60,6 +61,9 @@ enum Command {
         /// Everything random follows from this number.
         #[arg(long, value_name = "N", default_value_t = 1)]
         seed: u64,
+        /// Run scenario N alone, and tell what happened scan by scan.
+        #[arg(long, value_name = "N", conflicts_with = "scenarios")]
+        only: Option<u32>,
     },
     /// Tell whether a drive fits a memory profile: which buffer was full, when, by how much, and what the poses lost
     /// compared with the full profile.
@@ -147,7 +151,8 @@ fn execute(command: Option<Command>) -> anyhow::Result<ExitCode> {
             }
             report::report(&replayed)
         }
-        Command::Faults { input, profile, scenarios: runs, seed } => {
+        Command::Faults { input, profile, scenarios: runs, seed, only } => {
+            let runs = only.map_or(0..runs, |run| run..run + 1);
             let table = with_profile!(profile, scenarios(input.open()?, runs, seed))?;
             ok = table.all_recovered();
             table.to_string()

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use sdslam_core::{FrameEstimate, LabelledPoint, Stage};
 use sdslam_firmware_sim::Totals;
 use sdslam_firmware_sim::memory::Part;
-use sdslam_firmware_sim::profile::{AnyOdometry, Profile};
+use sdslam_firmware_sim::profile::{AnyLoops, AnyOdometry, Profile};
 
 use crate::replay::Replay;
 
@@ -14,7 +14,7 @@ const FAULT_LINES: usize = 10;
 
 /// The tables of memory and time, and the last pose.
 pub fn report(replay: &Replay) -> String {
-    let mut text = memory_table(&replay.parts, replay.points, replay.bytes, Some(&replay.totals));
+    let mut text = memory_table(&replay.parts, replay.points, replay.bytes, Some(replay));
     let Totals { scans, missed, estimates, predicted, faults, .. } = replay.totals;
     let (damaged, skipped) = (replay.damaged().count(), replay.skipped);
     text += &format!(
@@ -42,47 +42,53 @@ pub fn report(replay: &Replay) -> String {
 
 /// The exact bytes of a profile.
 pub fn profile_table<P: Profile>() -> String {
-    memory_table(&P::Odometry::parts(), P::POINTS, P::BYTES, None)
+    memory_table(&parts_of::<P>(), P::POINTS, P::BYTES, None)
+}
+
+/// The parts of a profile's memory, the points left out.
+pub fn parts_of<P: Profile>() -> Vec<Part> {
+    [&P::Odometry::parts()[..], &P::Loops::parts()[..]].concat()
 }
 
 /// Bytes of each part; how full it was at most, and how many did not fit in one scan (or, in the submap, in all).
-fn memory_table(parts: &[Part], points: usize, bytes: usize, totals: Option<&Totals>) -> String {
+fn memory_table(parts: &[Part], points: usize, bytes: usize, replay: Option<&Replay>) -> String {
     let mut text = format!("{:22}{:>10}", "memory", "capacity");
-    if totals.is_some() {
+    if replay.is_some() {
         text += &format!("{:>11}{:>13}", "most used", "did not fit");
     }
     text += &format!("{:>12}\n", "bytes");
     let mut row = |name: &str, capacity: usize, used: Option<(u32, u32)>, bytes: usize| {
         // Writing to a string cannot fail.
         let _ = write!(text, "{name:22}{capacity:>10}");
-        if totals.is_some() {
+        if replay.is_some() {
             let (used, refused) =
                 used.map_or_else(Default::default, |(used, refused)| (used.to_string(), refused.to_string()));
             let _ = write!(text, "{used:>11}{refused:>13}");
         }
         let _ = writeln!(text, "{bytes:>12}");
     };
-    let used = totals.map(|totals| {
-        let most = totals.high_water.points;
+    let used = replay.map(|replay| {
+        let most = replay.totals.high_water.points;
         (most.min(points) as u32, most.saturating_sub(points) as u32)
     });
     row("points of a scan", points, used, points * size_of::<LabelledPoint>());
     for part in parts {
-        row(part.name, part.capacity, totals.and_then(|totals| used_of(part.name, totals)), part.bytes);
+        row(part.name, part.capacity, replay.and_then(|replay| used_of(part.name, replay)), part.bytes);
     }
-    let width = if totals.is_some() { 46 } else { 22 };
+    let width = if replay.is_some() { 46 } else { 22 };
     text + &format!("{:22}{:>width$}\n", "in all", bytes)
 }
 
 /// Most that was used of a part, and most that did not fit.
-fn used_of(part: &str, totals: &Totals) -> Option<(u32, u32)> {
-    let buffers = &totals.high_water.buffers;
+fn used_of(part: &str, replay: &Replay) -> Option<(u32, u32)> {
+    let buffers = &replay.totals.high_water.buffers;
     match part {
         "scan cells" => Some((buffers.cells, buffers.cells_refused)),
         "landmarks" => Some((buffers.landmarks, buffers.landmarks_refused)),
         "tracks" => Some((buffers.tracks, buffers.tracks_refused)),
         "submap voxels" => Some((buffers.voxels, buffers.voxels_evicted)),
         "submap landmarks" => Some((buffers.submap_landmarks, buffers.submap_landmarks_evicted)),
+        "loop places" => replay.loops().last().map(|loops| (loops.places, loops.places_forgotten)),
         _ => None,
     }
 }

@@ -1,16 +1,17 @@
 //! Many replays, each with faults of its own: does the loop come through, and how soon is it well again?
 
-use std::fmt;
+use std::fmt::{self, Write};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use anyhow::ensure;
 use oorandom::Rand64;
-use sdslam_core::{FrameStatus, MapPose};
+use sdslam_core::{FrameEstimate, FrameStatus, MapPose};
 use sdslam_firmware_sim::profile::Profile;
 
-use crate::board::{DeskBoard, Event};
+use crate::board::Event;
 use crate::faults::{self, FaultKind, Plan};
-use crate::replay::{Memory, Replay, replay_line};
+use crate::replay::{Memory, Replay, replay_line, retained};
 use crate::source::{RecordedScan, Source};
 
 /// Good scans behind the last fault within which the loop must be well again.
@@ -54,6 +55,8 @@ struct Row {
     refused: u32,
     cut: u32,
     clock_set: u32,
+    resumed: u32,
+    anew: u32,
     predicted: u32,
     recovery_sum: usize,
     recovery_most: usize,
@@ -66,6 +69,8 @@ pub struct Table {
     scenarios: u32,
     failures: Vec<String>,
     panics: u32,
+    /// What happened, scan by scan, where only one scenario was run.
+    story: String,
 }
 
 impl Table {
@@ -75,8 +80,8 @@ impl Table {
     }
 }
 
-/// Runs `runs` scenarios; all that is random follows from `seed`.
-pub fn scenarios<P: Profile>(source: Source, runs: u32, seed: u64) -> anyhow::Result<Table> {
+/// Runs scenarios; all that is random follows from their numbers and `seed`.
+pub fn scenarios<P: Profile>(source: Source, runs: Range<u32>, seed: u64) -> anyhow::Result<Table> {
     let scans = source.scans()?.collect::<anyhow::Result<Vec<_>>>()?;
     let last_fault = scans.len().checked_sub(RECOVERY_SCANS + 1).filter(|end| *end > LEAD_IN);
     ensure!(last_fault.is_some(), "{} scans are too few for a scenario", scans.len());
@@ -84,8 +89,14 @@ pub fn scenarios<P: Profile>(source: Source, runs: u32, seed: u64) -> anyhow::Re
     Memory::<P>::with(|memory| {
         let clean = replay_scans(memory, &scans, &Plan::new(), &mut Rand64::new(0))?;
         let truth = Steps::of(&clean);
-        let mut table = Table { rows: Default::default(), scenarios: runs, failures: Vec::new(), panics: 0 };
-        for run in 0..runs {
+        let mut table = Table {
+            rows: Default::default(),
+            scenarios: runs.len() as u32,
+            failures: Vec::new(),
+            panics: 0,
+            story: String::new(),
+        };
+        for run in runs.clone() {
             let mut random = Rand64::new(u128::from(seed) << 32 | u128::from(run));
             let plan = faults::plan(&mut random, faulty.clone());
             let replayed =
@@ -96,6 +107,9 @@ pub fn scenarios<P: Profile>(source: Source, runs: u32, seed: u64) -> anyhow::Re
                 Ok(Ok(replayed)) => (truth.judge(&replayed, &plan, &scans), Some(replayed)),
             };
             table.add(run, &plan, &outcome, replayed.as_ref());
+            if let Some(replayed) = replayed.filter(|_| runs.len() == 1) {
+                table.story = truth.story(&replayed);
+            }
         }
         Ok(table)
     })
@@ -108,7 +122,9 @@ fn replay_scans<P: Profile>(
     random: &mut Rand64,
 ) -> anyhow::Result<Replay> {
     let line = faults::inject(scans, plan, P::POINTS, random);
-    replay_line(memory, DeskBoard::new(Box::new(line.into_iter().map(Ok)), 0))
+    let power_is_lost = line.iter().any(|delivery| delivery.power_cycle.is_some());
+    let retained = power_is_lost.then(retained::<P>);
+    replay_line(memory, Box::new(line.into_iter().map(Ok)), 0, retained)
 }
 
 /// The poses of the undisturbed replay.
@@ -123,25 +139,52 @@ impl Steps {
         self.0.iter().find(|(s, _)| *s == sequence).map(|(_, pose)| pose)
     }
 
+    /// How far the step to answer `at` is off \[m\], \[deg\].
+    fn off(&self, answers: &[(u32, &FrameEstimate)], at: usize) -> Option<(f64, f64)> {
+        let (sequence, estimate) = answers.get(at)?;
+        let (before, previous) = answers.get(at.checked_sub(1)?)?;
+        let step = previous.map_from_sensor.inv_mul(&estimate.map_from_sensor);
+        let off = self.pose(*before)?.inv_mul(self.pose(*sequence)?).inv_mul(&step);
+        Some((off.translation.vector.norm(), off.rotation.angle().to_degrees()))
+    }
+
+    /// What happened, scan by scan.
+    fn story(&self, replay: &Replay) -> String {
+        let answers: Vec<_> = replay.estimates().collect();
+        let (mut text, mut at) = (String::new(), 0);
+        for event in &replay.events {
+            // Writing to a string cannot fail.
+            let _ = match event {
+                Event::Answer { sequence, estimate, .. } => {
+                    let (metres, degrees) = self.off(&answers, at).unwrap_or_default();
+                    at += 1;
+                    writeln!(
+                        text,
+                        "scan {sequence}: {:?}, step off by {metres:.3} m, {degrees:.2} deg",
+                        estimate.status
+                    )
+                }
+                Event::Fault { sequence, fault } => writeln!(text, "scan {sequence}: {fault}"),
+                Event::Damaged(error) => writeln!(text, "{error}"),
+                Event::NotRestored(error) => writeln!(text, "power lost, started anew: {error}"),
+            };
+        }
+        text
+    }
+
     /// The scans behind the last fault are answered, registered, and the steps between them are right from some scan on.
     fn judge(&self, replay: &Replay, plan: &Plan, scans: &[RecordedScan]) -> Outcome {
         let last =
             plan.iter().map(|(at, kind)| at + usize::from(*kind == FaultKind::Late)).max().unwrap_or(0);
         let good = &scans[last + 1..];
         let answers: Vec<_> = replay.estimates().collect();
-        let well = |k: usize| {
-            let sequence = good[k].sequence;
-            let at = answers.iter().position(|(s, _)| *s == sequence)?;
-            let (_, estimate) = answers[at];
-            let (before, previous) = answers.get(at.checked_sub(1)?)?;
-            let step = previous.map_from_sensor.inv_mul(&estimate.map_from_sensor);
-            let true_step = self.pose(*before)?.inv_mul(self.pose(sequence)?);
-            let off = true_step.inv_mul(&step);
-            let right = off.translation.vector.norm() < STEP_TOLERANCE.0
-                && off.rotation.angle().to_degrees() < STEP_TOLERANCE.1;
-            (right && !matches!(estimate.status, FrameStatus::Predicted(_))).then_some(())
+        let well = |k: &usize| {
+            let at = answers.iter().position(|(s, _)| *s == good[*k].sequence)?;
+            let (metres, degrees) = self.off(&answers, at)?;
+            let right = metres < STEP_TOLERANCE.0 && degrees < STEP_TOLERANCE.1;
+            (right && !matches!(answers[at].1.status, FrameStatus::Predicted(_))).then_some(())
         };
-        let wrong = (0..good.len()).rev().find(|k| well(*k).is_none());
+        let wrong = (0..good.len()).rev().find(|k| well(k).is_none());
         match wrong.map_or(1, |k| k + 2) {
             scans if scans <= RECOVERY_SCANS && scans <= good.len() => Outcome::Recovered(scans),
             _ => Outcome::NotRecovered,
@@ -156,10 +199,12 @@ impl Table {
             match event {
                 Event::Fault { fault, .. } => counts.count(fault),
                 Event::Answer { .. } | Event::Damaged(_) => {}
+                Event::NotRestored(_) => counts.anew += 1,
             }
         }
         counts.damaged = replay.map_or(0, |r| r.damaged().count() as u32);
         counts.predicted = replay.map_or(0, |r| r.totals.predicted);
+        counts.resumed = replay.map_or(0, |r| r.totals.resumed);
         let recovery = match outcome {
             Outcome::Recovered(scans) => *scans,
             _ => 0,
@@ -191,7 +236,7 @@ impl Row {
             Refused(_) => self.refused += 1,
             PointsLost { .. } => self.cut += 1,
             ClockSet { .. } => self.clock_set += 1,
-            Late { .. } => {}
+            Late { .. } | NotRestored(_) | NotSaved(_) => {}
         }
     }
 
@@ -201,14 +246,26 @@ impl Row {
         self.refused += counts.refused;
         self.cut += counts.cut;
         self.clock_set += counts.clock_set;
+        self.resumed += counts.resumed;
+        self.anew += counts.anew;
         self.predicted += counts.predicted;
     }
 }
 
 impl fmt::Display for Table {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let heads =
-            ["injected", "scenarios", "damaged", "missed", "refused", "cut", "clock set", "predicted"];
+        let heads = [
+            "injected",
+            "scenarios",
+            "damaged",
+            "missed",
+            "refused",
+            "cut",
+            "clock set",
+            "resumed",
+            "anew",
+            "predicted",
+        ];
         write!(f, "{:15}", "fault")?;
         for head in heads {
             write!(f, "{head:>10}")?;
@@ -224,6 +281,8 @@ impl fmt::Display for Table {
                 row.refused,
                 row.cut,
                 row.clock_set,
+                row.resumed,
+                row.anew,
                 row.predicted,
             ] {
                 write!(f, "{count:>10}")?;
@@ -237,6 +296,7 @@ impl fmt::Display for Table {
             "\n{} scenarios, {} panics, {failed} not well again within {RECOVERY_SCANS} good scans",
             self.scenarios, self.panics
         )?;
-        self.failures.iter().take(20).try_for_each(|failure| writeln!(f, "  {failure}"))
+        self.failures.iter().take(20).try_for_each(|failure| writeln!(f, "  {failure}"))?;
+        f.write_str(&self.story)
     }
 }

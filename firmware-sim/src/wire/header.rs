@@ -5,7 +5,7 @@ use super::{CHECKSUM, WireError};
 /// Begins every message.
 pub const SYNC: [u8; 4] = [0xD5, b'S', b'D', 0x2A];
 /// Version of the format.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Bytes of a header.
 pub const HEADER_BYTES: usize = 20;
 

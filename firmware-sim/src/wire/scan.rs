@@ -1,9 +1,9 @@
 //! Scans: written by a host or a sensor, read in the vehicle as the bytes come in.
 
-use crc::{Digest, Table};
+use crc::Digest;
 use sdslam_core::{LabelledPoint, SemanticClass};
 
-use super::{CHECKSUM, CHECKSUM_BYTES, HEADER_BYTES, Header, Kind, WireError};
+use super::{CHECKSUM, CHECKSUM_BYTES, HEADER_BYTES, Header, Kind, SYNC, Tables, WireError};
 use crate::board::ScanHeader;
 
 /// Bytes of a point.
@@ -13,9 +13,18 @@ const PREFIX_BYTES: usize = 12;
 /// Most points of a scan: a header that asks for more is not believed.
 const MAX_POINTS: usize = 1 << 20;
 
+/// Points of a block, behind which there is a checksum.
+pub const BLOCK_POINTS: usize = 1024;
+
 /// Bytes of the message of a scan.
 pub const fn scan_bytes(points: usize) -> usize {
-    HEADER_BYTES + PREFIX_BYTES + points * POINT_BYTES + CHECKSUM_BYTES
+    HEADER_BYTES + content_bytes(points) + CHECKSUM_BYTES
+}
+
+/// The checksum of the last block is that behind the content.
+const fn content_bytes(points: usize) -> usize {
+    let checksums = points.saturating_sub(1) / BLOCK_POINTS;
+    PREFIX_BYTES + points * POINT_BYTES + checksums * CHECKSUM_BYTES
 }
 
 /// Writes a scan piece by piece to `sink`.
@@ -28,19 +37,23 @@ pub fn write_scan<E>(
     points: &[LabelledPoint],
     mut sink: impl FnMut(&[u8]) -> Result<(), E>,
 ) -> Result<(), E> {
-    let content_bytes = (PREFIX_BYTES + points.len() * POINT_BYTES) as u32;
+    let content_bytes = content_bytes(points.len()) as u32;
     sink(&Header { kind: Kind::Scan, sequence, content_bytes }.to_bytes())?;
     let mut checksum = CHECKSUM.digest();
-    let mut put = |bytes: &[u8]| {
+    for bytes in [&stamp_s.to_le_bytes()[..], &(points.len() as u32).to_le_bytes()] {
         checksum.update(bytes);
-        sink(bytes)
-    };
-    put(&stamp_s.to_le_bytes())?;
-    put(&(points.len() as u32).to_le_bytes())?;
-    for point in points {
-        put(&point_to_bytes(point))?;
+        sink(bytes)?;
     }
-    sink(&checksum.finalize().to_le_bytes())
+    // A scan without points is one block without points.
+    for block in points.chunks(BLOCK_POINTS).chain(points.is_empty().then_some(points)) {
+        for point in block {
+            let bytes = point_to_bytes(point);
+            checksum.update(&bytes);
+            sink(&bytes)?;
+        }
+        sink(&checksum.clone().finalize().to_le_bytes())?;
+    }
+    Ok(())
 }
 
 fn point_to_bytes(point: &LabelledPoint) -> [u8; POINT_BYTES] {
@@ -81,8 +94,11 @@ pub struct ScanReader {
     part: [u8; HEADER_BYTES],
     have: usize,
     header: ScanHeader,
+    content_bytes: usize,
     next_point: usize,
-    checksum: Digest<'static, u32, Table<1>>,
+    /// The point behind the last one of the block at hand.
+    block_end: usize,
+    checksum: Digest<'static, u32, Tables>,
     skipped: u32,
 }
 
@@ -94,7 +110,9 @@ impl ScanReader {
             part: [0; HEADER_BYTES],
             have: 0,
             header: ScanHeader { sequence: 0, stamp_s: 0.0, points: 0 },
+            content_bytes: 0,
             next_point: 0,
+            block_end: 0,
             checksum: CHECKSUM.digest(),
             skipped: 0,
         }
@@ -138,6 +156,11 @@ impl ScanReader {
     }
 
     fn read_header(&mut self, rest: &mut &[u8]) -> Option<Received> {
+        if self.have == 0 {
+            let garbage = garbage(rest);
+            *rest = rest.get(garbage..).unwrap_or_default();
+            self.skipped = self.skipped.saturating_add(garbage as u32);
+        }
         let head = self.collect::<HEADER_BYTES>(rest)?;
         let error = match Header::from_bytes(&head) {
             Ok(Some(header)) => match self.begin(&header) {
@@ -147,25 +170,28 @@ impl ScanReader {
             Ok(None) => None,
             Err(error) => Some(error),
         };
-        // No message begins here: the next may begin one byte later.
-        for (to, from) in self.part.iter_mut().zip(head.iter().skip(1)) {
+        // No message begins here: the next may begin behind the first byte.
+        let (_, behind) = head.split_first().unwrap_or((&0, &[]));
+        let behind = behind.get(garbage(behind)..).unwrap_or_default();
+        for (to, from) in self.part.iter_mut().zip(behind) {
             *to = *from;
         }
-        self.have = HEADER_BYTES - 1;
-        self.skipped = self.skipped.saturating_add(1);
+        self.have = behind.len();
+        self.skipped = self.skipped.saturating_add((HEADER_BYTES - behind.len()) as u32);
         error.map(Received::Damaged)
     }
 
     fn begin(&mut self, header: &Header) -> Result<(), WireError> {
         let bytes = header.content_bytes as usize;
+        if bytes > content_bytes(MAX_POINTS) || (header.kind == Kind::Scan && bytes < PREFIX_BYTES) {
+            return Err(WireError::Length { found: header.content_bytes });
+        }
         if header.kind != Kind::Scan {
             self.state = State::Skip(bytes.saturating_add(CHECKSUM_BYTES));
             return Ok(());
         }
-        let points = bytes.checked_sub(PREFIX_BYTES).filter(|b| b.is_multiple_of(POINT_BYTES));
-        let points = points.map(|b| b / POINT_BYTES).filter(|n| *n <= MAX_POINTS);
-        let Some(points) = points else { return Err(WireError::Length { found: header.content_bytes }) };
-        self.header = ScanHeader { sequence: header.sequence, stamp_s: 0.0, points };
+        self.header = ScanHeader { sequence: header.sequence, stamp_s: 0.0, points: 0 };
+        self.content_bytes = bytes;
         self.next_point = 0;
         self.checksum = CHECKSUM.digest();
         self.state = State::Prefix;
@@ -177,14 +203,18 @@ impl ScanReader {
         self.checksum.update(&prefix);
         let [a, b, c, d, e, f, g, h, n0, n1, n2, n3] = prefix;
         self.header.stamp_s = f64::from_le_bytes([a, b, c, d, e, f, g, h]);
-        // The number of points is there to be read by people and tools; the length of the content says the same.
-        let agrees = u32::from_le_bytes([n0, n1, n2, n3]) as usize == self.header.points;
-        if !agrees {
-            self.state = State::Header;
-            return Some(Received::Damaged(WireError::Checksum { sequence: self.header.sequence }));
+        self.header.points = u32::from_le_bytes([n0, n1, n2, n3]) as usize;
+        // The number is not vouched for yet, but the length of the content says the same.
+        if self.header.points > MAX_POINTS || content_bytes(self.header.points) != self.content_bytes {
+            return Some(self.damaged());
         }
-        self.state = if self.header.points > 0 { State::Points } else { State::Checksum };
+        self.begin_block();
         None
+    }
+
+    fn begin_block(&mut self) {
+        self.block_end = self.next_point.saturating_add(BLOCK_POINTS).min(self.header.points);
+        self.state = if self.block_end > self.next_point { State::Points } else { State::Checksum };
     }
 
     fn read_points(&mut self, rest: &mut &[u8], points: &mut [LabelledPoint]) -> Option<Received> {
@@ -193,15 +223,17 @@ impl ScanReader {
             let bytes = self.collect::<POINT_BYTES>(rest)?;
             self.take_points(&[bytes], points);
         }
-        let wanted = self.header.points.saturating_sub(self.next_point);
+        let wanted = self.block_end.saturating_sub(self.next_point);
         let (whole, _) = rest.as_chunks::<POINT_BYTES>();
         let whole = whole.get(..wanted).unwrap_or(whole);
         *rest = rest.get(whole.len() * POINT_BYTES..).unwrap_or_default();
         self.take_points(whole, points);
-        if self.next_point >= self.header.points {
+        if wanted == whole.len() {
             self.state = State::Checksum;
-        } else if let Some(bytes) = self.collect::<POINT_BYTES>(rest) {
-            self.take_points(&[bytes], points);
+        } else {
+            // The beginning of a point: its rest comes later.
+            let whole: Option<[u8; POINT_BYTES]> = self.collect(rest);
+            debug_assert!(whole.is_none());
         }
         None
     }
@@ -217,12 +249,20 @@ impl ScanReader {
 
     fn read_checksum(&mut self, rest: &mut &[u8]) -> Option<Received> {
         let found = u32::from_le_bytes(self.collect::<CHECKSUM_BYTES>(rest)?);
+        if found != self.checksum.clone().finalize() {
+            return Some(self.damaged());
+        }
+        if self.next_point < self.header.points {
+            self.begin_block();
+            return None;
+        }
         self.state = State::Header;
-        let expected = core::mem::replace(&mut self.checksum, CHECKSUM.digest()).finalize();
-        Some(match found == expected {
-            true => Received::Scan(self.header),
-            false => Received::Damaged(WireError::Checksum { sequence: self.header.sequence }),
-        })
+        Some(Received::Scan(self.header))
+    }
+
+    fn damaged(&mut self) -> Received {
+        self.state = State::Header;
+        Received::Damaged(WireError::Checksum { sequence: self.header.sequence })
     }
 
     fn skip(&mut self, rest: &mut &[u8], left: usize) -> Option<Received> {
@@ -231,6 +271,12 @@ impl ScanReader {
         self.state = if now < left { State::Skip(left - now) } else { State::Header };
         None
     }
+}
+
+/// Bytes before the first with which a message may begin.
+fn garbage(bytes: &[u8]) -> usize {
+    let [sync, ..] = SYNC;
+    bytes.iter().position(|byte| *byte == sync).unwrap_or(bytes.len())
 }
 
 impl Default for ScanReader {
