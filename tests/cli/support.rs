@@ -14,7 +14,7 @@ pub const CONFIGURATION: i32 = 5;
 
 pub const FRAMES: usize = 6;
 /// Every file of a run besides the motion labels.
-pub const FILES: [&str; 17] = [
+pub const FILES: [&str; 18] = [
     "poses_kitti.txt",
     "poses_odometry.txt",
     "poses_tum.txt",
