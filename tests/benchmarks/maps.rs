@@ -4,14 +4,16 @@
 //!                                                  ones (labels 252..259) should not
 //!   maps localised RESULT DATASET NN MAP_RESULT MAP_DATASET     how far a localisation is from the truth, relative to the
 //!                                                  keyframe of the mapping drive that is nearest by the truth
+//!   maps loops RESULT DATASET NN                   what became of right and of wrong proposals, and how far the accepted ones
+//!                                                  are from the truth
 //!
 //! RESULT and MAP_RESULT are folders that `sdslam localize` and `sdslam run` wrote.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::error::Error;
 use std::path::Path;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use sdslam::dataset::{Sequence, labels, trajectory};
 use sdslam_core::{MapPose, MotionClass};
 
@@ -122,11 +124,61 @@ fn localised(
     Ok(())
 }
 
+/// A line of loops.csv.
+struct Proposed {
+    new: usize,
+    old: usize,
+    old_from_new: MapPose,
+    accepted: bool,
+    reason: String,
+}
+
+fn proposed(line: &str) -> Option<Proposed> {
+    let words: Vec<&str> = line.split(',').collect();
+    let number = |at: usize| words.get(at)?.parse::<f64>().ok();
+    let position = Vector3::new(number(4)?, number(5)?, number(6)?);
+    let rotation = Quaternion::new(number(10)?, number(7)?, number(8)?, number(9)?);
+    Some(Proposed {
+        new: words.first()?.parse().ok()?,
+        old: words.get(1)?.parse().ok()?,
+        old_from_new: MapPose::from_parts(position.into(), UnitQuaternion::new_normalize(rotation)),
+        accepted: *words.get(15)? == "true",
+        reason: (*words.get(16)?).into(),
+    })
+}
+
+fn loops(result: &Path, dataset: &Path, name: &str) -> Result<(), Box<dyn Error>> {
+    let truth = truth(&Sequence::open(dataset, name, None)?)?;
+    let text = std::fs::read_to_string(result.join("loops.csv"))?;
+    let mut fates: BTreeMap<String, [u32; 2]> = BTreeMap::new();
+    let mut squares = [0.0; 2];
+    for line in text.lines().skip(1) {
+        let proposal = proposed(line).ok_or("a line of loops.csv that is none")?;
+        let off = truth[proposal.old].inv_mul(&truth[proposal.new]).inv_mul(&proposal.old_from_new);
+        let off_m = off.translation.vector.norm();
+        let wrong = usize::from(off_m > WRONG_M);
+        fates.entry(proposal.reason).or_default()[wrong] += 1;
+        if proposal.accepted && wrong == 0 {
+            squares[0] += off_m * off_m;
+            squares[1] += off.rotation.angle().to_degrees().powi(2);
+        }
+    }
+    println!("{:<45} right  wrong", "proposals");
+    for (reason, [right, wrong]) in &fates {
+        println!("{reason:<45} {right:5} {wrong:6}");
+    }
+    let right = f64::from(fates.get("accepted").map_or(0, |counts| counts[0]).max(1));
+    let [m, deg] = squares.map(|sum| (sum / right).sqrt());
+    println!("error of the right accepted ones, rms: {m:.4} m {deg:.4} deg");
+    Ok(())
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     match words[..] {
         ["points", result, dataset, name] => points(Path::new(result), Path::new(dataset), name),
+        ["loops", result, dataset, name] => loops(Path::new(result), Path::new(dataset), name),
         ["localised", result, dataset, name, map_result, map_dataset] => localised(
             Path::new(result),
             Path::new(dataset),
@@ -134,9 +186,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             Path::new(map_result),
             Path::new(map_dataset),
         ),
-        _ => {
-            Err("maps points RESULT DATASET NN | maps localised RESULT DATASET NN MAP_RESULT MAP_DATASET"
-                .into())
-        }
+        _ => Err(
+            "maps points|loops RESULT DATASET NN | maps localised RESULT DATASET NN MAP_RESULT MAP_DATASET"
+                .into(),
+        ),
     }
 }

@@ -14,8 +14,8 @@ use crate::run::{self, Request, Summary};
 ///
 /// Reads DATASET/sequences/NN and writes to OUT/NN: poses_kitti.txt (camera frame), poses_tum.txt (sensor frame),
 /// poses_odometry.txt, loops.csv, graph.g2o, metrics.json, landmarks.csv, motion/NNNNNN.label, map.ply, map.pcd, map.png,
-/// grid.pgm, grid.yaml, trajectory.svg, config.toml, run.log, ms.txt and cpu_ms.txt. A table of the results is printed at
-/// the end.
+/// grid.pgm, grid.yaml, trajectory.svg, config.toml, run.log, ms.txt, cpu_ms.txt and
+/// back_end_cpu_ms.txt. A table of the results is printed at the end.
 ///
 /// Every point needs a class. It comes from label files with --labels; from a network with --model or --segment; else from
 /// the folder labels of the sequence, or, where there is none, from the network that is part of this program. The table

@@ -3,37 +3,55 @@
 use std::sync::mpsc::{self, SyncSender};
 use std::thread::{self, JoinHandle};
 
+use cpu_time::ThreadTime;
+
 use super::{BackEnd, BackEndResult, BackEndScan};
 use crate::run::RunError;
 
 /// Scans that may wait: bounds the memory when the core is faster.
 const WAITING: usize = 4;
 
+/// A back end, and the CPU time that every scan took it \[ms\]: it has no clock of its own.
+pub(crate) struct Timed {
+    back_end: Box<BackEnd>,
+    cpu_ms: Vec<f32>,
+}
+
+impl Timed {
+    fn add(&mut self, scan: BackEndScan) -> Result<(), RunError> {
+        let start = ThreadTime::now();
+        let done = self.back_end.add(scan);
+        self.cpu_ms.push(start.elapsed().as_secs_f32() * 1e3);
+        done
+    }
+}
+
 /// A back end at work.
 pub(crate) enum Beside {
     /// By the caller's thread.
-    InTurns(Box<BackEnd>),
+    InTurns(Timed),
     /// By a thread of its own, which gives the back end back when there are no more scans.
     Thread {
         /// Where the scans go.
         scans: SyncSender<BackEndScan>,
         /// The thread.
-        worker: JoinHandle<Result<Box<BackEnd>, RunError>>,
+        worker: JoinHandle<Result<Timed, RunError>>,
     },
 }
 
 impl Beside {
     /// Begins; with more than one thread, beside the caller.
-    pub(crate) fn start(mut back_end: Box<BackEnd>, threads: usize) -> Self {
+    pub(crate) fn start(back_end: Box<BackEnd>, threads: usize) -> Self {
+        let mut timed = Timed { back_end, cpu_ms: Vec::new() };
         if threads < 2 {
-            return Self::InTurns(back_end);
+            return Self::InTurns(timed);
         }
         let (scans, waiting) = mpsc::sync_channel::<BackEndScan>(WAITING);
         let worker = thread::spawn(move || {
             for scan in waiting {
-                back_end.add(scan)?;
+                timed.add(scan)?;
             }
-            Ok(back_end)
+            Ok(timed)
         });
         Self::Thread { scans, worker }
     }
@@ -41,7 +59,7 @@ impl Beside {
     /// Hands over a scan.
     pub(crate) fn add(&mut self, scan: BackEndScan) -> Result<(), RunError> {
         match self {
-            Self::InTurns(back_end) => back_end.add(scan),
+            Self::InTurns(timed) => timed.add(scan),
             // Sending fails only after the worker stopped with an error, which `finish` passes on.
             Self::Thread { scans, .. } => {
                 drop(scans.send(scan));
@@ -50,15 +68,15 @@ impl Beside {
         }
     }
 
-    /// The result, when all scans are in.
-    pub(crate) fn finish(self) -> Result<BackEndResult, RunError> {
-        let back_end = match self {
-            Self::InTurns(back_end) => back_end,
+    /// The result, when all scans are in, and the CPU time of every scan \[ms\].
+    pub(crate) fn finish(self) -> Result<(BackEndResult, Vec<f32>), RunError> {
+        let Timed { back_end, cpu_ms } = match self {
+            Self::InTurns(timed) => timed,
             Self::Thread { scans, worker } => {
                 drop(scans);
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?
             }
         };
-        back_end.finish()
+        Ok((back_end.finish()?, cpu_ms))
     }
 }

@@ -19,8 +19,9 @@
 //! | `config.toml` | the configuration that was used |
 //! | `run.log` | what happened: fallbacks, drops, warnings |
 //! | `ms.txt`, `cpu_ms.txt` | wall and CPU time of the core per frame \[ms\] |
+//! | `back_end_cpu_ms.txt` | CPU time of the back end (loops, graph, map) per frame \[ms\] |
 //!
-//! The map frame is the sensor frame of the first scan. `landmarks.csv` and `trajectory.svg` are in the frame of the odometry. Only `metrics.json`, `ms.txt` and `cpu_ms.txt` hold times of this machine:
+//! The map frame is the sensor frame of the first scan. `landmarks.csv` and `trajectory.svg` are in the frame of the odometry. Only `metrics.json`, `ms.txt`, `cpu_ms.txt` and `back_end_cpu_ms.txt` hold times of this machine:
 //! the others are the same, byte for byte, from run to run and for any number of threads.
 //!
 //! Classes come from label files or from a segmentation network ([`ClassSource`]); run.log says which.
@@ -32,6 +33,7 @@
 mod error;
 mod journal;
 mod localise;
+mod memory;
 mod motion;
 mod output;
 mod picture;
@@ -199,7 +201,8 @@ pub fn run(request: &Request, mut progress: impl FnMut(usize, usize)) -> Result<
     })?;
 
     recording.map_or(Ok(()), Recording::finish)?;
-    let result = back_end.finish()?;
+    let (result, back_end_cpu_ms) = back_end.finish()?;
+    recorder.time_of_back_end(back_end_cpu_ms);
     let summary = recorder.finish(&sequence, &result)?;
     if let Some(mut file) = map_file {
         file.append(&SavedMap::new(result.map, result.places).to_bytes())?;

@@ -8,6 +8,7 @@ use sdslam_core::{
 };
 
 use super::journal::Journal;
+use super::memory;
 use super::motion::{self, Movers, MovingLandmarks};
 use super::output::{OutputFolder, PendingFile};
 use super::picture::Picture;
@@ -121,6 +122,11 @@ impl Recorder {
         self.times.push(frame);
     }
 
+    /// CPU time of the back end per frame \[ms\].
+    pub(super) fn time_of_back_end(&mut self, cpu_ms: Vec<f32>) {
+        self.times.set_back_end(cpu_ms);
+    }
+
     /// Keeps the results of one frame.
     pub(super) fn record(
         &mut self,
@@ -179,6 +185,7 @@ impl Recorder {
         folder.write("run.log", self.journal.to_text().as_bytes())?;
         folder.write("ms.txt", self.times.lines().as_bytes())?;
         folder.write("cpu_ms.txt", self.times.cpu_lines().as_bytes())?;
+        folder.write("back_end_cpu_ms.txt", self.times.back_end_lines().as_bytes())?;
         let errors = [self.errors(&corrected), self.errors(&odometry)];
         let summary = self.summary(sequence, errors, result);
         folder.write("metrics.json", self.metrics(&summary).as_bytes())?;
@@ -242,6 +249,8 @@ impl Recorder {
             loops: result.counts,
             core_ms: self.times.total(),
             core_cpu_ms: self.times.cpu(),
+            back_end_cpu_ms: self.times.back_end(),
+            peak_memory_kib: memory::peak_kib(),
             classes: self.classes.to_string(),
             segmentation_cpu_ms: self.segmentation.times(),
             scans_per_s: self.frames.len() as f64 / self.started.elapsed().as_secs_f64(),
@@ -282,6 +291,8 @@ impl Recorder {
             core_memory_bytes: size_of::<FullScanOdometry>(),
             core_ms: summary.core_ms,
             core_cpu_ms: summary.core_cpu_ms,
+            back_end_cpu_ms: summary.back_end_cpu_ms,
+            peak_memory_kib: summary.peak_memory_kib,
             core_ms_per_stage: self.times.stages(),
             classes: &summary.classes,
             segmentation_cpu_ms: summary.segmentation_cpu_ms.as_ref(),

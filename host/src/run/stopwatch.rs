@@ -62,6 +62,7 @@ pub(super) struct Times {
     stages: [Vec<f32>; Stage::ALL.len()],
     total: Vec<f32>,
     cpu: Vec<f32>,
+    back_end: Vec<f32>,
 }
 
 impl Times {
@@ -73,6 +74,11 @@ impl Times {
         self.cpu.push(frame.cpu_ms);
     }
 
+    /// CPU milliseconds of the back end for every frame.
+    pub(super) fn set_back_end(&mut self, cpu_ms: Vec<f32>) {
+        self.back_end = cpu_ms;
+    }
+
     /// Wall milliseconds of every frame, one a line.
     pub(super) fn lines(&self) -> String {
         lines(&self.total)
@@ -81,6 +87,11 @@ impl Times {
     /// CPU milliseconds of every frame, one a line.
     pub(super) fn cpu_lines(&self) -> String {
         lines(&self.cpu)
+    }
+
+    /// CPU milliseconds of the back end for every frame, one a line.
+    pub(super) fn back_end_lines(&self) -> String {
+        lines(&self.back_end)
     }
 
     /// Statistics per stage.
@@ -96,6 +107,11 @@ impl Times {
     /// Statistics of the CPU time of whole frames.
     pub(super) fn cpu(&self) -> Milliseconds {
         Milliseconds::of(&self.cpu)
+    }
+
+    /// Statistics of the CPU time of the back end.
+    pub(super) fn back_end(&self) -> Milliseconds {
+        Milliseconds::of(&self.back_end)
     }
 }
 

@@ -37,6 +37,10 @@ pub struct Summary {
     pub core_ms: Milliseconds,
     /// CPU time of the core per scan.
     pub core_cpu_ms: Milliseconds,
+    /// CPU time of the back end per scan: loops, pose graph and map.
+    pub back_end_cpu_ms: Milliseconds,
+    /// The most memory the process has held so far \[KiB\]; none where the system does not tell.
+    pub peak_memory_kib: Option<u64>,
     /// Where the classes come from.
     pub classes: String,
     /// CPU time of the segmentation per scan, if there was one.
@@ -94,6 +98,8 @@ pub(super) struct Metrics<'a> {
     pub core_memory_bytes: usize,
     pub core_ms: Milliseconds,
     pub core_cpu_ms: Milliseconds,
+    pub back_end_cpu_ms: Milliseconds,
+    pub peak_memory_kib: Option<u64>,
     pub core_ms_per_stage: Named<Milliseconds, { Stage::ALL.len() }>,
     pub classes: &'a str,
     /// Null where the classes come from label files.
@@ -127,6 +133,10 @@ impl fmt::Display for Summary {
         }
         row(f, "core, ms per scan", self.core_ms)?;
         row(f, "core, CPU ms per scan", self.core_cpu_ms)?;
+        row(f, "back end, CPU ms", self.back_end_cpu_ms)?;
+        if let Some(kib) = self.peak_memory_kib {
+            row(f, "peak memory", format_args!("{} MiB", kib >> 10))?;
+        }
         row(f, "scans per second", format_args!("{:.1}", self.scans_per_s))?;
         row(f, "tracks", format_args!("{} dynamic, {} semi-static", self.dynamic, self.semi_static))?;
         if let Some(moving) = &self.moving {
