@@ -74,7 +74,8 @@ pub fn furnish_place(site: &mut Site, at: Point2<f64>, random: &mut Random) {
         }
         16 => {
             let foot = site.foot(at);
-            site.solids.extend(plants::bush(foot, random.between(0.4, 1.2), random));
+            let (radius, free_path_m) = (random.between(0.4, 1.2), site.free_path_m(0.14, random));
+            site.solids.extend(plants::bush(foot, radius, free_path_m, random));
         }
         17 => {
             let body = bodies::bicycle(11, site.instance());
@@ -114,7 +115,8 @@ pub fn furnish_sidewalk(site: &mut Site, at: Point2<f64>, random: &mut Random) {
         }
         8 => {
             let foot = site.foot(at);
-            site.solids.extend(plants::bush(foot, random.between(0.25, 0.6), random));
+            let (radius, free_path_m) = (random.between(0.25, 0.6), site.free_path_m(0.14, random));
+            site.solids.extend(plants::bush(foot, radius, free_path_m, random));
         }
         _ => {}
     }
@@ -180,7 +182,10 @@ fn fill_thicket(site: &mut Site, yard: &Yard, random: &mut Random) {
                 let at = yard.anywhere(random);
                 plant_bed(site, at, random);
             }
-            _ => site.solids.extend(plants::bush(foot, random.between(0.4, 2.0), random)),
+            _ => {
+                let (radius, free_path_m) = (random.between(0.4, 2.0), site.free_path_m(0.14, random));
+                site.solids.extend(plants::bush(foot, radius, free_path_m, random));
+            }
         }
     }
 }
