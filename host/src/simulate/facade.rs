@@ -124,6 +124,13 @@ impl Facade {
     fn vary(&self, opening: &mut Opening, slot: &Slot) -> Option<()> {
         let key = combine(self.irregular, (slot.number as i64 * 64 + slot.storey as i64) as u64);
         let random = &mut Random::hashed(key);
+        let ground_floor = slot.storey == 0.0;
+        if ground_floor && self.irregular.is_multiple_of(4) {
+            // Arcades and shop windows, down to the pavement.
+            opening.upward[0] -= self.sill_m + 0.4;
+            opening.upward[1] += 0.4;
+            opening.recess_m += if self.irregular.is_multiple_of(8) { random.between(1.0, 3.5) } else { 0.0 };
+        }
         match random.below(16) {
             0 | 1 => return None,
             2 => opening.upward[0] -= self.sill_m,

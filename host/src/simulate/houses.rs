@@ -176,12 +176,13 @@ fn add_relief(
     random: &mut Random,
 ) {
     let room = house.setback_m.clamp(0.4, 1.5);
-    let most = random.pick(&[8, 20, 40, 60]);
+    let most = random.pick(&[8, 20, 50, 90]);
     for _ in 0..random.below(most) {
         let surface = Surface::matte(50, random.between(0.1, 0.8));
         let at = random.between(-half_length, half_length);
         let out = random.between(0.04, 1.0) * room;
-        let (half, z) = match random.below(5) {
+        // What is seen from a car is mostly the ground floor.
+        let (half, z) = match random.below(8) {
             0 => (random.between(0.1, 0.35), [-0.5, wall]),
             1 => (random.between(0.5, 3.0), [random.between(2.2, 2.8), random.between(2.8, 3.2)]),
             2 => {
@@ -189,6 +190,14 @@ fn add_relief(
                 (half_length, [foot, foot + random.between(0.1, 0.4)])
             }
             3 => (random.between(0.2, 0.6), [random.between(0.0, 2.0), random.between(2.0, 3.0)]),
+            4 | 5 => {
+                let foot = random.between(-0.2, 2.2);
+                (random.between(0.05, 0.5), [foot, foot + random.between(0.2, 1.3)])
+            }
+            6 => {
+                let foot = random.pick(&[0.0, 0.4, 3.2, 6.2]);
+                (random.between(0.6, 2.5), [foot, foot + random.between(0.8, 1.1)])
+            }
             _ => (random.between(0.3, 2.0), [-0.5, random.between(0.3, 2.6)]),
         };
         let x = [(at - half).max(-half_length), (at + half).min(half_length)];
@@ -197,7 +206,9 @@ fn add_relief(
         } else {
             [half_depth - 0.1, half_depth + out]
         };
-        parts.push(part(Hull::cuboid(x, y, z), surface));
+        // Railings and lattices.
+        let finish = if random.chance(0.2) { Finish::Open(random.between(0.3, 0.7)) } else { Finish::Matte };
+        parts.push(part(Hull::cuboid(x, y, z), surface.with(finish)));
     }
 }
 
@@ -275,7 +286,7 @@ fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut 
 }
 
 /// A straight fence between two places of the plan, in pieces that follow the slope.
-fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f32, finish: Finish) {
+pub fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f32, finish: Finish) {
     let pieces = ((ends[1] - ends[0]).norm() / 2.5).ceil().max(1.0) as usize;
     let surface = Surface::matte(51, 0.33).with(finish);
     for piece in 0..pieces {

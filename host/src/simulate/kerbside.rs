@@ -4,7 +4,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::{
     bodies::{self, Car},
-    clutter, fleet, open_blocks,
+    clutter, fleet, houses, open_blocks,
     plan::{Course, Street, right_of},
     plants,
     random::{Domain, Random},
@@ -149,6 +149,27 @@ fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
     if random.chance(0.25) {
         plant_kerb(site, kerb, random);
     }
+    if random.chance(0.3) {
+        wall_off(site, kerb, random);
+    }
+}
+
+/// A wall, railing or fence along the kerb or behind the sidewalk.
+fn wall_off(site: &mut Site, kerb: &Kerb, random: &mut Random) {
+    let length = random.between(3.0, 30.0).min(kerb.length_m - 10.0);
+    if length < 3.0 {
+        return;
+    }
+    let from = random.between(5.0, kerb.length_m - 5.0 - length);
+    let outside = random.pick(&[0.3, kerb.street.sidewalk_m - 0.1, kerb.street.sidewalk_m + 0.2]);
+    let ends = [kerb.at(from, outside), kerb.at(from + length, outside)];
+    let (half_width, finish) = random.pick(&[
+        (0.15, Finish::Matte),
+        (0.05, Finish::Matte),
+        (0.02, Finish::Open(0.35)),
+        (0.02, Finish::Open(0.6)),
+    ]);
+    houses::add_fence(site, ends, random.between(0.5, 2.2), half_width, finish);
 }
 
 /// A bed of low bushes at the kerb, as wide as the sidewalk leaves room for.
