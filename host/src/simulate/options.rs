@@ -95,6 +95,8 @@ pub struct Flaws {
     pub unmasked: bool,
     /// How much the remission of far and slanted surfaces fades: 0 = not at all, 1 = about as KITTI's device.
     pub fading: f32,
+    /// Factor on the noise of the remissions of all but leaves, which fill a part of the beam only.
+    pub speckle: f32,
 }
 
 impl Default for Flaws {
@@ -109,6 +111,7 @@ impl Default for Flaws {
             streaks: false,
             unmasked: false,
             fading: 0.0,
+            speckle: 1.0,
         }
     }
 }

@@ -44,6 +44,7 @@ fn randomised_sensor(seed: u64, random: &mut Random) -> SensorOptions {
             streaks: random.chance(0.85),
             unmasked: random.chance(0.15),
             fading: random.between(0.0, 1.6),
+            speckle: random.between(0.2, 0.6),
         },
         ..SensorOptions::default()
     }

@@ -101,7 +101,8 @@ pub fn measure(
     let blades = if echo.surface.label == TERRAIN { 0.015 * random.normal() } else { 0.0 };
     let range_m = true_m + laser.bias_m + options.range_noise_m * spread * random.normal() + blades;
     let seen = (options.min_range_m..options.max_range_m).contains(&range_m);
-    let remission = remission(echo.surface.finish, laser.gain * reflectance, slant, random);
+    let speckle = if echo.surface.label == VEGETATION { 1.0 } else { options.flaws.speckle };
+    let remission = remission(echo.surface.finish, laser.gain * reflectance, slant, speckle, random);
     let remission = fade(options.flaws.fading, echo, remission, reflectance, slant, random);
     seen.then_some(Return { range_m, remission })
 }
@@ -141,9 +142,9 @@ fn loss(options: &SensorOptions, range_m: f32, reflectance: f32, slant: f32) -> 
     options.dropout * (0.012 + 1.0 - (-weakness).exp())
 }
 
-fn remission(finish: Finish, reflectance: f32, slant: f32, random: &mut Random) -> f32 {
+fn remission(finish: Finish, reflectance: f32, slant: f32, speckle: f32, random: &mut Random) -> f32 {
     let exact = if finish == Finish::Retro { 1.2 * reflectance } else { reflectance * (0.6 + 0.4 * slant) };
-    let noisy = exact + random.normal() * (0.02 + 0.2 * exact);
+    let noisy = exact + random.normal() * speckle * (0.02 + 0.2 * exact);
     let quantised = (100.0 * noisy).round() / 100.0;
     let nothing = 0.02 + 0.8 * (-exact / 0.06).exp();
     if exact == 0.0 || random.chance(nothing) { 0.0 } else { quantised.clamp(0.0, 0.99) }
