@@ -9,7 +9,7 @@ use super::{
 
 /// A lamp, traffic light, flag pole or bollard.
 pub fn pole(random: &mut Random) -> Vec<Solid> {
-    let steel = Surface::matte(80, random.between(0.08, 0.5));
+    let steel = Surface::matte(80, random.between(0.05, 0.75));
     let radius = random.between(0.035, 0.14);
     match random.below(10) {
         0..3 => {
@@ -51,7 +51,7 @@ fn tall_pole(steel: Surface, radius: f32, random: &mut Random) -> Vec<Solid> {
 /// A traffic sign, of any size and height, on one post or two.
 pub fn sign(random: &mut Random) -> Vec<Solid> {
     let post = Surface::matte(80, random.between(0.1, 0.4));
-    let face = Surface::matte(81, random.between(0.5, 0.95)).with(Finish::Retro);
+    let face = Surface::matte(81, random.between(0.6, 0.99)).with(Finish::Retro);
     let back = Surface::matte(81, random.between(0.08, 0.4));
     let (half, tall) = match random.below(6) {
         0..4 => (random.between(0.2, 0.45), random.between(0.2, 0.5)),

@@ -125,11 +125,12 @@ impl Facade {
         let key = combine(self.irregular, (slot.number as i64 * 64 + slot.storey as i64) as u64);
         let random = &mut Random::hashed(key);
         let ground_floor = slot.storey == 0.0;
-        if ground_floor && self.irregular.is_multiple_of(4) {
+        if ground_floor && self.irregular.is_multiple_of(6) {
             // Arcades and shop windows, down to the pavement.
             opening.upward[0] -= self.sill_m + 0.4;
             opening.upward[1] += 0.4;
-            opening.recess_m += if self.irregular.is_multiple_of(8) { random.between(1.0, 3.5) } else { 0.0 };
+            opening.recess_m +=
+                if self.irregular.is_multiple_of(12) { random.between(1.0, 3.5) } else { 0.0 };
         }
         match random.below(16) {
             0 | 1 => return None,
@@ -150,7 +151,9 @@ impl Facade {
         let draw = |key: f32, salt: u64| {
             Random::hashed(combine(self.irregular ^ salt, (key + 1000.0) as u64)).between(0.75, 1.2)
         };
-        draw(slot.storey, 1) * draw(across / 0.9, 2) * draw(z / 0.35, 3)
+        // Shops with dark fronts.
+        let front = if slot.storey <= 0.0 && self.irregular.is_multiple_of(4) { 0.15 } else { 1.0 };
+        front * draw(slot.storey, 1) * draw(across / 0.9, 2) * draw(z / 0.35, 3)
     }
 }
 

@@ -95,7 +95,7 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
             setback_m,
             depth_m: (side.depth_m - setback_m).min(random.between(8.0, 11.0)),
             storeys: style.storeys + random.between(-0.5, 0.5),
-            reflectance: random.between(0.32, 0.72),
+            reflectance: wall_reflectance(varied, random),
         };
         if random.chance(if varied && style.gap_m > 1.0 { 0.85 } else { 0.94 }) {
             build_house(site, side, &house, random);
@@ -108,6 +108,11 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
         }
         start = end + gap;
     }
+}
+
+/// Most walls are bright; some of a varied town are of dark stone, steel or glass.
+fn wall_reflectance(varied: bool, random: &mut Random) -> f32 {
+    if varied && random.chance(0.2) { random.between(0.02, 0.15) } else { random.between(0.32, 0.72) }
 }
 
 fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random) {
@@ -176,7 +181,7 @@ fn add_relief(
     random: &mut Random,
 ) {
     let room = house.setback_m.clamp(0.4, 1.5);
-    let most = random.pick(&[8, 20, 50, 90]);
+    let most = random.pick(&[4, 12, 30, 60]);
     for _ in 0..random.below(most) {
         let surface = Surface::matte(50, random.between(0.1, 0.8));
         let at = random.between(-half_length, half_length);

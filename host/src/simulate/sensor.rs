@@ -99,9 +99,14 @@ pub fn measure(
     }
     let spread = 1.0 + 0.5 * true_m / 80.0 + 0.4 * (1.0 - slant);
     let blades = if echo.surface.label == TERRAIN { 0.015 * random.normal() } else { 0.0 };
-    let range_m = true_m + laser.bias_m + options.range_noise_m * spread * random.normal() + blades;
+    // The time of a weak echo is uncertain, for a whole streak of a ring.
+    let walk_m = streak.map_or(0.0, |draw| 0.14 * (draw - 0.5) * (-reflectance / 0.06).exp());
+    let range_m = true_m + walk_m + laser.bias_m + options.range_noise_m * spread * random.normal() + blades;
     let seen = (options.min_range_m..options.max_range_m).contains(&range_m);
-    let speckle = if echo.surface.label == VEGETATION { 1.0 } else { options.flaws.speckle };
+    let speckle = match echo.surface.label {
+        VEGETATION => (0.5 + options.flaws.speckle).min(1.0),
+        _ => options.flaws.speckle,
+    };
     let remission = remission(echo.surface.finish, laser.gain * reflectance, slant, speckle, random);
     let remission = fade(options.flaws.fading, echo, remission, reflectance, slant, random);
     seen.then_some(Return { range_m, remission })
@@ -155,9 +160,14 @@ fn fade(fading: f32, echo: &Echo, remission: f32, reflectance: f32, slant: f32, 
     if fading == 0.0 {
         return remission;
     }
-    // A leaf fills a part of the beam.
-    let filled = if echo.surface.label == VEGETATION { random.between(0.1, 1.0) } else { 1.0 };
     let far = echo.hit.range_m / 50.0;
+    // A leaf fills a part of the beam, as does what is thin and far.
+    let filled = match echo.surface.label {
+        VEGETATION => random.between(0.1, 1.0),
+        // Ground, houses and fences.
+        40..=51 | 60 | TERRAIN => 1.0,
+        _ => random.between((1.0 - 1.5 * far).max(0.1), 1.0),
+    };
     let weakness = fading * far * far / (reflectance * filled * (slant + 0.03) + 1e-3) / 8.0;
     if random.chance(1.0 - (-weakness.powi(3)).exp()) {
         return 0.0;
