@@ -140,6 +140,6 @@ def augment_remission(hundredths, random):
     curve = (np.arange(256, dtype=np.float32) / 100) ** random.uniform(0.8, 1.25) * random.uniform(0.6, 1.5)
     gains = np.exp(random.normal(0, random.uniform(0, 0.3), (len(hundredths), 1))).astype(np.float32)
     seen = curve.astype(np.float32)[hundredths] * gains
-    seen += np.float32(random.uniform(0, 0.06)) * normals(seen.shape, random)
+    seen += np.float32(random.uniform(0, 0.02)) * normals(seen.shape, random)
     lost = random.random(seen.shape, np.float32) < random.choice([0, 0.05, 0.15])
     return np.where((hundredths > 0) & ~lost, seen.clip(0, 1), 0)

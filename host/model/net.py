@@ -7,13 +7,6 @@ from torch.nn import functional as F
 from data import CLASSES, DEVIATIONS, MEANS
 
 
-def shifted(image, rows, columns):
-    """The image moved down and to the right; zeros come in."""
-    height, width = image.shape[2:]
-    padded = F.pad(image, (1, 1, 1, 1))
-    return padded[:, :, 1 - rows : 1 - rows + height, 1 - columns : 1 - columns + width]
-
-
 class Features(nn.Module):
     """What a scan tells wherever the sensor looks: no x and y, but the logarithm of the range, its slopes and bends.
 
@@ -22,19 +15,24 @@ class Features(nn.Module):
     """
 
     def forward(self, image):
+        height, width = image.shape[2:]
         valid = (image.abs().sum(1, keepdim=True) * 1e4).clamp(max=1)
         range_m = image[:, :1] * float(DEVIATIONS[0]) + float(MEANS[0])
         log_range = (range_m.clamp(min=1).log() - 2.3) * valid
-        parts = torch.cat([log_range, image[:, 3:] * valid, valid], 1)
-        parts = parts + (1 - valid) * shifted(parts, 1, 0)
-        log_range, known = parts[:, :1], parts[:, 3:]
+        seen = torch.cat([log_range, image[:, 3:], valid], 1)
+        seen = seen + (1 - valid) * F.pad(seen, (0, 0, 1, 0))[:, :, :height]
+        log_range, known = seen[:, :1], seen[:, 3:]
+        # Neighbours: left, right, above, below; what is outside of the image is not known.
+        ranges, there = (F.pad(x, (1, 1, 1, 1)) for x in (log_range, known))
+        steps = [(slice(1, 1 + height), slice(0, width)), (slice(1, 1 + height), slice(2, 2 + width)),
+                 (slice(0, height), slice(1, 1 + width)), (slice(2, 2 + height), slice(1, 1 + width))]
         slopes, bends = [], []
-        for rows, columns in [(0, 1), (1, 0)]:
-            before, after = shifted(parts, rows, columns), shifted(parts, -rows, -columns)
-            inside = known * before[:, 3:] * after[:, 3:]
-            slopes.append(((after[:, :1] - before[:, :1]) * inside * 15).clamp(-2, 2))
-            bends.append(((after[:, :1] + before[:, :1] - 2 * log_range) * inside * 40).clamp(-2, 2))
-        return torch.cat([parts, *slopes, *bends], 1)
+        for before, after in (steps[:2], steps[2:]):
+            before, after, both = ranges[:, :, *before], ranges[:, :, *after], there[:, :, *before] * there[:, :, *after]
+            inside = known * both
+            slopes.append(((after - before) * (15 * inside)).clamp(-2, 2))
+            bends.append(((after + before - 2 * log_range) * (40 * inside)).clamp(-2, 2))
+        return torch.cat([seen, *slopes, *bends], 1)
 
 
 def conv(inputs, outputs, stride=1, dilation=1):

@@ -92,6 +92,7 @@ def train(net, batches, weights, args):
     """AdamW; the rate rises and falls with the time spent. Keeps and saves a running mean of the weights."""
     optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.01, fused=True)
     groups = group_of_class()
+    forward = torch.compile(net) if args.compile else net
     mean, start, shown, step, spent = copy.deepcopy(net), time.time(), 0.0, 0, 0.0
     for step, (image, classes) in enumerate(batches, 1):
         spent = (time.time() - start) / (60 * args.minutes)
@@ -100,7 +101,7 @@ def train(net, batches, weights, args):
         for group in optimiser.param_groups:
             group["lr"] = args.rate * min(1, step / 50, 0.01 + 0.5 * (1 + math.cos(math.pi * spent)))
         with torch.autocast("cpu", torch.bfloat16, enabled=args.bf16):
-            logits = net(image.to(memory_format=torch.channels_last))
+            logits = forward(image.to(memory_format=torch.channels_last))
         loss = loss_of(logits, classes, weights, groups)
         optimiser.zero_grad()
         loss.backward()
@@ -136,6 +137,7 @@ def main():
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
     parser.add_argument("--bf16", action="store_true", help="convolve in bfloat16: faster on CPUs that can")
+    parser.add_argument("--compile", action="store_true", help="fuse operations: faster, needs a C++ compiler")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
 
