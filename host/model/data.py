@@ -74,44 +74,72 @@ def project(points, labels, height, width):
     return image.reshape(5, height, width), classes.reshape(height, width)
 
 
-def augment(points, labels, random):
-    """What differs between sensors, mounts and places, as far as it can be changed afterwards."""
-    elevation_deg = np.degrees(np.arctan(points[2] / np.hypot(points[0], points[1])))
-    laser = (elevation_deg * np.float32(2.3) + 256).astype(np.int32) % 512
-    keep = random.random(len(labels), np.float32) > random.choice([0, 0, 0.01, 0.05, 0.2])
+def compact(pair, height, width):
+    """A scan as an image in few bytes: ranges in 2 mm, heights in mm, remissions in hundredths, classes."""
+    points, labels = read(pair)
+    ranges, row, column = pixels(points, height, width)
+    order = np.argsort(-ranges)
+    cell = (row * width + column)[order]
+    images = []
+    for values, dtype in [(ranges * 500, np.uint16), (points[2] * 1000, np.int16), (points[3] * 100, np.uint8), (labels, np.uint8)]:
+        image = np.zeros(height * width, dtype)
+        image[cell] = np.rint(values[order])
+        images.append(image.reshape(height, width))
+    return images
+
+
+def sector(images, columns, random):
+    """Some columns of the images, from a random one on, at times mirrored."""
+    width = images[0].shape[1]
+    at = (random.integers(width) + np.arange(columns)) % width
+    return [image[:, at[::-1] if mirrored else at] for mirrored in [random.random() < 0.5] for image in images]
+
+
+def augment(images, random):
+    """What differs between sensors, mounts and places, as far as it can be changed afterwards.
+
+    A normalised image [5, H, W] (x and y are 0: the network does not look at them) and classes [H, W].
+    """
+    ranges, heights, remission, classes = images
+    shape = ranges.shape
+    ranges = ranges * np.float32(0.002)
+    # A mount that is not quite level looks as a slope across the image.
+    tilt = np.sin(np.linspace(0, np.pi, shape[1], dtype=np.float32) + random.uniform(0, 2 * np.pi))
+    heights = heights * np.float32(0.001) + ranges * (np.float32(random.normal(0, 0.005)) * tilt)
+    scale = np.float32(random.uniform(0.92, 1.08))
+    noise = np.float32(random.choice([0, 0, 0, 0.005, 0.01, 0.02]))
+    if noise > 0:
+        moved = ranges + noise * normals(shape, random)
+        heights = heights * (moved / np.maximum(ranges, 1))
+        ranges = np.where(ranges > 0, np.maximum(moved, 0.5), 0)
+    keep = ranges > 0
+    if random.random() < 0.5:
+        keep &= random.random(shape, np.float32) > random.choice([0.01, 0.05, 0.2])
+    # Echoes at edges get lost.
+    edges = np.abs(ranges[:, 1:] - ranges[:, :-1]) > 0.1 * ranges[:, 1:]
+    keep[:, 1:] &= ~edges | (random.random(edges.shape, np.float32) > random.uniform(0, 0.4))
     if random.random() < 0.2:
         # Some lasers are blind.
-        keep &= (random.random(512) > random.uniform(0, 0.2))[laser]
-    keep = np.flatnonzero(keep)
-    points, labels, laser = points[:, keep], labels[keep], laser[keep]
-    moved = np.empty_like(points)
-    moved[:3] = np.einsum("ij,jn->in", rotation(random), points[:3])
-    if random.random() < 0.5:
-        moved[1] *= -1
-    moved[2] += random.normal(0, 0.06)
-    noise = np.float32(random.choice([0, 0.01, 0.02, 0.04]))
-    ranges = np.sqrt((moved[:3] ** 2).sum(0))
-    moved[:3] *= 1 + noise * random.standard_normal(len(labels), np.float32) / np.maximum(ranges, 1)
-    moved[3] = augment_remission(points[3], laser, random)
-    return moved, labels
+        keep &= random.random((shape[0], 1)) > random.uniform(0, 0.2)
+    image = np.zeros((5, *shape), np.float32)
+    lifted = scale * heights + np.float32(random.normal(0, 0.06))
+    for channel, values in [(0, scale * ranges), (3, lifted), (4, augment_remission(remission, random))]:
+        image[channel] = (values - MEANS[channel]) * (keep / DEVIATIONS[channel])
+    return image, classes * keep
 
 
-def rotation(random):
-    """Any heading, a mount that is not quite level, and another scale."""
-    yaw, (pitch, roll) = random.uniform(-np.pi, np.pi), np.radians(random.normal(0, 0.6, 2))
-    c, s = np.cos(yaw), np.sin(yaw)
-    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    tilt = np.array([[1, 0, pitch], [0, 1, -roll], [-pitch, roll, 1]])
-    return (random.uniform(0.92, 1.08) * tilt @ turn).astype(np.float32)
+def normals(shape, random):
+    """Normal numbers from a table: faster than new ones."""
+    return random.standard_normal(4096, np.float32)[random.integers(0, 4096, shape, np.uint16)]
 
 
-def augment_remission(remission, laser, random):
-    """Other gains, of each laser too; more noise; more echoes without a remission, or all of them."""
+def augment_remission(hundredths, random):
+    """Other gains, of each row too; more noise; more echoes without a remission, or all of them."""
     if random.random() < 0.1:
-        return 0
-    gains = np.exp(random.normal(0, random.uniform(0, 0.3), 512)).astype(np.float32)
-    gains *= random.uniform(0.6, 1.5)
-    noise = np.float32(random.uniform(0, 0.06)) * random.standard_normal(len(remission), np.float32)
-    seen = remission ** np.float32(random.uniform(0.8, 1.25)) * gains[laser] + noise
-    lost = random.random(len(remission), np.float32) < random.choice([0, 0.05, 0.15])
-    return np.where((remission > 0) & ~lost, seen.clip(0, 1), 0)
+        return np.float32(0)
+    curve = (np.arange(256, dtype=np.float32) / 100) ** random.uniform(0.8, 1.25) * random.uniform(0.6, 1.5)
+    gains = np.exp(random.normal(0, random.uniform(0, 0.3), (len(hundredths), 1))).astype(np.float32)
+    seen = curve.astype(np.float32)[hundredths] * gains
+    seen += np.float32(random.uniform(0, 0.02)) * normals(seen.shape, random)
+    lost = random.random(seen.shape, np.float32) < random.choice([0, 0.05, 0.15])
+    return np.where((hundredths > 0) & ~lost, seen.clip(0, 1), 0)

@@ -10,36 +10,33 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from data import CLASSES, augment, project, read, scans
+from data import CLASSES, GROUPS, augment, compact, read, scans, sector
 from net import Net
 
 
-def sector(points, labels, share, random):
-    """The points in a random share of the turn, turned to the middle of the image."""
-    middle = random.uniform(-np.pi, np.pi)
-    c, s = np.float32(np.cos(middle)), np.float32(np.sin(middle))
-    x, y = c * points[0] + s * points[1], c * points[1] - s * points[0]
-    keep = np.flatnonzero(np.abs(np.arctan2(y, x)) < np.pi * share)
-    return np.stack([x[keep], y[keep], points[2, keep], points[3, keep]]), labels[keep]
-
-
 class Sectors(torch.utils.data.IterableDataset):
-    """Augmented parts of scans without end. Each round looks for new scans, so that they may be made meanwhile."""
+    """Augmented parts of scans without end. Each round looks for new scans, so that they may be made meanwhile.
+
+    Scans are kept in memory, 400 KB each.
+    """
 
     def __init__(self, args):
         self.args = args
 
+    def worker(self):
+        info = torch.utils.data.get_worker_info()
+        return info.id if info else 0
+
     def __iter__(self):
-        args, random = self.args, np.random.default_rng(self.args.seed)
-        columns = int(args.width * args.share)
-        first = (args.width - columns) // 2
-        part = slice(first, first + columns)
+        args, random, seen = self.args, np.random.default_rng([self.args.seed, self.worker()]), {}
         while True:
             pairs = scans(args.folders, args.every)
             for index in random.permutation(len(pairs)):
-                points, labels = sector(*read(pairs[index]), args.share + 0.03, random)
-                image, classes = project(*augment(points, labels, random), args.height, args.width)
-                yield np.ascontiguousarray(image[:, :, part]), classes[:, part].astype(np.int64)
+                pair = pairs[index]
+                if pair not in seen:
+                    seen[pair] = compact(pair, args.height, args.width)
+                image, classes = augment(sector(seen[pair], int(args.width * args.share), random), random)
+                yield image, classes.astype(np.int64)
 
 
 def class_weights(pairs):
@@ -51,11 +48,8 @@ def class_weights(pairs):
     return torch.tensor(weights / (weights * share)[1:].sum(), dtype=torch.float32)
 
 
-def lovasz(logits, classes):
-    """Lovasz-softmax over the classes present: a loss that follows the IoU (Berman et al. 2018)."""
-    keep = classes.flatten() > 0
-    shares = logits.softmax(1).permute(0, 2, 3, 1).reshape(-1, logits.shape[1])[keep]
-    target = classes.flatten()[keep]
+def lovasz(shares, target):
+    """Lovasz-softmax over what is present: a loss that follows the IoU (Berman et al. 2018)."""
     losses = []
     for index in target.unique():
         foreground = (target == index).float()
@@ -68,10 +62,24 @@ def lovasz(logits, classes):
     return torch.stack(losses).mean()
 
 
-def loss_of(logits, classes, weights):
-    cross = F.cross_entropy(logits, classes, weights, ignore_index=0)
-    # The sort is dear: a quarter of the pixels is enough to follow the IoU.
-    return cross + lovasz(logits[:, :, ::2, ::2], classes[:, ::2, ::2])
+def group_of_class():
+    """A matrix that sums the classes of each group; what is in no group is one of its own."""
+    matrix = torch.zeros(len(CLASSES), len(GROUPS) + 1)
+    for group, members in enumerate(GROUPS.values()):
+        matrix[members, group] = 1
+    matrix[matrix.sum(1) == 0, -1] = 1
+    return matrix
+
+
+def loss_of(logits, classes, weights, groups):
+    """Cross entropy of the classes, and the IoU of the groups, at some of the pixels: all would cost more than the network."""
+    known = (classes.flatten() > 0).nonzero().flatten()
+    some = known[torch.randint(len(known), (len(known) // 3,))]
+    logits = logits.permute(0, 2, 3, 1).reshape(-1, logits.shape[1])[some].float()
+    target = classes.flatten()[some]
+    few = slice(0, 30000)
+    shares = logits[few].softmax(1) @ groups
+    return F.cross_entropy(logits, target, weights) + lovasz(shares, groups.argmax(1)[target[few]])
 
 
 def save(path, net, args):
@@ -82,7 +90,9 @@ def save(path, net, args):
 
 def train(net, batches, weights, args):
     """AdamW; the rate rises and falls with the time spent. Keeps and saves a running mean of the weights."""
-    optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.01)
+    optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.01, fused=True)
+    groups = group_of_class()
+    forward = torch.compile(net) if args.compile else net
     mean, start, shown, step, spent = copy.deepcopy(net), time.time(), 0.0, 0, 0.0
     for step, (image, classes) in enumerate(batches, 1):
         spent = (time.time() - start) / (60 * args.minutes)
@@ -90,12 +100,14 @@ def train(net, batches, weights, args):
             break
         for group in optimiser.param_groups:
             group["lr"] = args.rate * min(1, step / 50, 0.01 + 0.5 * (1 + math.cos(math.pi * spent)))
-        loss = loss_of(net(image.to(memory_format=torch.channels_last)), classes, weights)
+        with torch.autocast("cpu", torch.bfloat16, enabled=args.bf16):
+            logits = forward(image.to(memory_format=torch.channels_last))
+        loss = loss_of(logits, classes, weights, groups)
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), 2.0)
         optimiser.step()
-        follow(mean, net, min(0.995, (1 + step) / (10 + step)))
+        follow(mean, net, min(0.998, (1 + step) / (10 + step)))
         shown += (loss.item() - shown) / min(step, 50)
         if step % 50 == 0:
             print(f"step {step}, {spent:.0%} of the time: loss {shown:.3f}", flush=True)
@@ -121,8 +133,11 @@ def main():
     parser.add_argument("--height", type=int, default=64)
     parser.add_argument("--width", type=int, default=1024)
     parser.add_argument("--share", type=float, default=0.5, help="part of the turn in a training image")
-    parser.add_argument("--channels", type=int, nargs=3, default=[20, 40, 56])
+    parser.add_argument("--channels", type=int, nargs=4, default=[24, 48, 64, 96])
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
+    parser.add_argument("--bf16", action="store_true", help="convolve in bfloat16: faster on CPUs that can")
+    parser.add_argument("--compile", action="store_true", help="fuse operations: faster, needs a C++ compiler")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
 
@@ -134,7 +149,7 @@ def main():
     if args.start:
         net.load_state_dict(torch.load(args.start, weights_only=True)["weights"])
     print(f"{len(pairs)} scans, {sum(p.numel() for p in net.parameters())} parameters")
-    train(net, torch.utils.data.DataLoader(Sectors(args), args.batch), weights, args)
+    train(net, torch.utils.data.DataLoader(Sectors(args), args.batch, num_workers=args.workers), weights, args)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,8 @@ pub struct Car {
     pub cabin_m: [[f32; 2]; 2],
     /// Reflectance of the paint.
     pub paint: f32,
+    /// Whether it has lights and bright rims.
+    pub bright_parts: bool,
 }
 
 impl Car {
@@ -34,6 +36,7 @@ impl Car {
             heights_m,
             cabin_m: cabin.map(|row| row.map(|c| c * scale)),
             paint: if random.chance(0.5) { random.between(0.02, 0.09) } else { random.between(0.1, 0.5) },
+            bright_parts: false,
         }
     }
 
@@ -60,7 +63,27 @@ impl Car {
         self.add_pillars(&mut solids, paint, glass_foot);
         self.add_wheels(&mut solids, paint);
         self.add_plates(&mut solids, paint);
+        if self.bright_parts {
+            self.add_bright_parts(&mut solids, paint);
+        }
         solids
+    }
+
+    /// Lights at the four corners, rims, and a band of trim around the body.
+    fn add_bright_parts(&self, solids: &mut Vec<Solid>, paint: Surface) {
+        let (l, w) = (0.5 * self.size_m[0], 0.5 * self.size_m[1]);
+        let waist = 0.62 * self.heights_m[0];
+        let glass = Surface { reflectance: 0.6, ..paint }.with(Finish::Retro);
+        let metal = Surface { reflectance: 0.45, ..paint };
+        for (x, y) in [(l, w), (l, -w), (-l, w), (-l, -w)] {
+            let (inner, axle) = (y - 0.35 * y.signum(), 0.305 * 2.0 * x);
+            let span = [inner.min(y), inner.max(y)];
+            solids.push(solid(Hull::cuboid([x - 0.04, x + 0.01], span, [waist, waist + 0.16]), glass));
+            let rim = Vec3::new(axle, y - 0.05 * y.signum(), 0.31);
+            solids.push(solid(Hull::wheel(rim, 0.2, 0.07), metal));
+        }
+        let trim = Surface { reflectance: 0.08, ..paint };
+        solids.push(solid(Hull::cuboid([-l, l], [-w - 0.01, w + 0.01], [waist - 0.12, waist]), trim));
     }
 
     fn add_pillars(&self, solids: &mut Vec<Solid>, paint: Surface, foot_m: f32) {

@@ -9,7 +9,7 @@ use super::{
 
 /// A lamp, traffic light, flag pole or bollard.
 pub fn pole(random: &mut Random) -> Vec<Solid> {
-    let steel = Surface::matte(80, random.between(0.08, 0.5));
+    let steel = Surface::matte(80, random.between(0.05, 0.75));
     let radius = random.between(0.035, 0.14);
     match random.below(10) {
         0..3 => {
@@ -51,7 +51,7 @@ fn tall_pole(steel: Surface, radius: f32, random: &mut Random) -> Vec<Solid> {
 /// A traffic sign, of any size and height, on one post or two.
 pub fn sign(random: &mut Random) -> Vec<Solid> {
     let post = Surface::matte(80, random.between(0.1, 0.4));
-    let face = Surface::matte(81, random.between(0.5, 0.95)).with(Finish::Retro);
+    let face = Surface::matte(81, random.between(0.6, 0.99)).with(Finish::Retro);
     let back = Surface::matte(81, random.between(0.08, 0.4));
     let (half, tall) = match random.below(6) {
         0..4 => (random.between(0.2, 0.45), random.between(0.2, 0.5)),
@@ -125,6 +125,29 @@ pub fn object(random: &mut Random) -> Vec<Solid> {
     }
 }
 
+/// A kiosk, a container or a screen of boards: built, but no house.
+pub fn kiosk(random: &mut Random) -> Vec<Solid> {
+    let surface = Surface::matte(50, random.between(0.1, 0.7));
+    let half = [0.5 * random.between(0.1, 3.0), 0.5 * random.between(1.2, 5.0)];
+    let (foot, top) = (random.pick(&[0.0, 0.0, 0.0, 0.4]), random.between(2.0, 3.4));
+    let middle = Vec3::z() * (0.5 * (foot + top));
+    let mut solids = vec![cuboid(surface, middle, [half[0], half[1], 0.5 * (top - foot)])];
+    for share in [-0.8, 0.8] {
+        solids.push(rod(surface, [0.0, share * half[1], -0.2], [0.0, share * half[1], top], 0.06));
+    }
+    if random.chance(0.5) {
+        // An eave, a counter or a poster.
+        let surface = Surface::matte(50, random.between(0.1, 0.8));
+        let at = Vec3::new(random.pick(&[-1.0, 1.0]) * half[0], 0.0, random.between(0.8, top));
+        solids.push(cuboid(
+            surface,
+            at,
+            [random.between(0.05, 0.6), 0.7 * half[1], random.between(0.03, 0.4)],
+        ));
+    }
+    solids
+}
+
 /// A shelter at a stop: glass walls, a roof.
 fn shelter(surface: Surface, random: &mut Random) -> Vec<Solid> {
     let (half, height) = (random.between(1.0, 2.2), random.between(2.2, 2.6));
@@ -168,6 +191,7 @@ mod tests {
                 (sign(&mut random), &[80, 81], 0.6, 5.1),
                 (bystander(3, &mut random), &[30], 0.9, 2.0),
                 (object(&mut random), &[52, 99], 0.6, 4.2),
+                (kiosk(&mut random), &[50], 1.9, 3.9),
             ] {
                 let [low, high] = reach(&body);
                 assert!(low < 0.12 && (lowest..highest).contains(&high), "{labels:?} {low} {high}");

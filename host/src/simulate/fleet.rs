@@ -32,9 +32,10 @@ pub fn varied_car(random: &mut Random) -> Car {
     car.cabin_m = car.cabin_m.map(|row| row.map(|c| c * stretch));
     let lift = random.between(-0.06, 0.22);
     car.heights_m = [car.heights_m[0] + 0.5 * lift, car.heights_m[1] + lift];
+    car.bright_parts = random.chance(0.7);
     car.paint = match random.below(10) {
-        0..5 => random.between(0.005, 0.05),
-        5..7 => random.between(0.05, 0.15),
+        0..6 => random.between(0.003, 0.045),
+        6..8 => random.between(0.05, 0.15),
         _ => random.between(0.15, 0.7),
     };
     car

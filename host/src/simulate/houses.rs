@@ -95,9 +95,9 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
             setback_m,
             depth_m: (side.depth_m - setback_m).min(random.between(8.0, 11.0)),
             storeys: style.storeys + random.between(-0.5, 0.5),
-            reflectance: random.between(0.32, 0.72),
+            reflectance: wall_reflectance(varied, random),
         };
-        if random.chance(if varied { 0.85 } else { 0.94 }) {
+        if random.chance(if varied && style.gap_m > 1.0 { 0.85 } else { 0.94 }) {
             build_house(site, side, &house, random);
         }
         let gap = style.gap_m * random.between(0.7, 1.3);
@@ -108,6 +108,11 @@ fn build_up_side(site: &mut Site, side: &Side, style: &BlockStyle, random: &mut 
         }
         start = end + gap;
     }
+}
+
+/// Most walls are bright; some of a varied town are of dark stone, steel or glass.
+fn wall_reflectance(varied: bool, random: &mut Random) -> f32 {
+    if varied && random.chance(0.2) { random.between(0.02, 0.15) } else { random.between(0.32, 0.72) }
 }
 
 fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random) {
@@ -154,6 +159,7 @@ fn draw_facade(foot: Vec3, along: Vector2<f32>, half_m: [f32; 2], wall: f32, ran
         window_m: [random.between(0.9, 1.5), random.between(1.1, 1.7)],
         sill_m: random.between(0.7, 1.0),
         recess_m: random.between(0.10, 0.28),
+        irregular: 0,
     }
 }
 
@@ -162,7 +168,8 @@ fn vary_facade(facade: &mut Facade, random: &mut Random) {
     facade.window_m = [random.pick(&[0.7, 1.1, 1.8, 2.8]), random.pick(&[0.8, 1.3, 1.9, 2.3])];
     facade.pitch_m = facade.window_m[0] + random.pick(&[0.3, 0.8, 1.5, 4.0, 60.0]);
     facade.sill_m = random.between(0.15, 1.1);
-    facade.recess_m = random.between(0.03, 0.35);
+    facade.recess_m = random.pick(&[0.03, 0.1, 0.2, 0.35, 0.6]);
+    facade.irregular = u64::from(random.chance(0.8)) * (1 + random.below(1 << 30) as u64);
 }
 
 /// Pillars, ledges, awnings, boxes and boards on the four walls.
@@ -173,16 +180,29 @@ fn add_relief(
     house: &House,
     random: &mut Random,
 ) {
-    let room = house.setback_m.clamp(0.1, 1.5);
-    for _ in 0..random.below(14) {
+    let room = house.setback_m.clamp(0.4, 1.5);
+    let most = random.pick(&[4, 12, 30, 60]);
+    for _ in 0..random.below(most) {
         let surface = Surface::matte(50, random.between(0.1, 0.8));
         let at = random.between(-half_length, half_length);
         let out = random.between(0.04, 1.0) * room;
-        let (half, z) = match random.below(5) {
+        // What is seen from a car is mostly the ground floor.
+        let (half, z) = match random.below(8) {
             0 => (random.between(0.1, 0.35), [-0.5, wall]),
             1 => (random.between(0.5, 3.0), [random.between(2.2, 2.8), random.between(2.8, 3.2)]),
-            2 => (half_length, [random.between(2.5, 3.0), random.between(3.0, 3.2)]),
+            2 => {
+                let foot = random.between(0.3, wall);
+                (half_length, [foot, foot + random.between(0.1, 0.4)])
+            }
             3 => (random.between(0.2, 0.6), [random.between(0.0, 2.0), random.between(2.0, 3.0)]),
+            4 | 5 => {
+                let foot = random.between(-0.2, 2.2);
+                (random.between(0.05, 0.5), [foot, foot + random.between(0.2, 1.3)])
+            }
+            6 => {
+                let foot = random.pick(&[0.0, 0.4, 3.2, 6.2]);
+                (random.between(0.6, 2.5), [foot, foot + random.between(0.8, 1.1)])
+            }
             _ => (random.between(0.3, 2.0), [-0.5, random.between(0.3, 2.6)]),
         };
         let x = [(at - half).max(-half_length), (at + half).min(half_length)];
@@ -191,7 +211,9 @@ fn add_relief(
         } else {
             [half_depth - 0.1, half_depth + out]
         };
-        parts.push(part(Hull::cuboid(x, y, z), surface));
+        // Railings and lattices.
+        let finish = if random.chance(0.2) { Finish::Open(random.between(0.3, 0.7)) } else { Finish::Matte };
+        parts.push(part(Hull::cuboid(x, y, z), surface.with(finish)));
     }
 }
 
@@ -257,8 +279,9 @@ fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut 
         let ends = [side.at(a, 0.35), side.at(b, 0.35)];
         match kind {
             0..=4 if site.options.vegetation > 0.0 => {
-                let solids = plants::hedge(site.foot(ends[0]), site.foot(ends[1]), height, random);
-                site.solids.extend(solids);
+                let free_path_m = site.free_path_m(0.10, random);
+                let feet = ends.map(|end| site.foot(end));
+                site.solids.extend(plants::hedge(feet[0], feet[1], height, free_path_m, random));
             }
             6 | 7 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
             8 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
@@ -268,7 +291,7 @@ fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut 
 }
 
 /// A straight fence between two places of the plan, in pieces that follow the slope.
-fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f32, finish: Finish) {
+pub fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f32, finish: Finish) {
     let pieces = ((ends[1] - ends[0]).norm() / 2.5).ceil().max(1.0) as usize;
     let surface = Surface::matte(51, 0.33).with(finish);
     for piece in 0..pieces {
@@ -300,7 +323,7 @@ fn plant_front(site: &mut Site, side: &Side, house: &House, random: &mut Random)
         let solids = match random.chance(0.25) {
             true if site.options.varied => plants::varied_tree(foot, random),
             true => plants::tree(foot, random),
-            false => plants::bush(foot, radius, random),
+            false => plants::bush(foot, radius, site.free_path_m(0.14, random), random),
         };
         site.solids.extend(solids);
     }
@@ -336,11 +359,14 @@ fn plant_park_edge(site: &mut Site, side: &Side, random: &mut Random) {
             _ if site.options.vegetation == 0.0 => {}
             0 => {
                 let to = site.foot(side.at(at + 4.0, inward));
-                site.solids.extend(plants::hedge(foot, to, random.between(0.7, 1.6), random));
+                let height = random.between(0.7, 1.6);
+                let free_path_m = site.free_path_m(0.10, random);
+                site.solids.extend(plants::hedge(foot, to, height, free_path_m, random));
             }
             1 => {
                 let radius = random.between(0.6, 1.4);
-                site.solids.extend(plants::bush(foot, radius, random));
+                let free_path_m = site.free_path_m(0.14, random);
+                site.solids.extend(plants::bush(foot, radius, free_path_m, random));
             }
             _ => site.solids.extend(plants::tree(foot, random)),
         }

@@ -4,7 +4,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::{
     bodies::{self, Car},
-    clutter, fleet, open_blocks,
+    clutter, fleet, houses, open_blocks,
     plan::{Course, Street, right_of},
     plants,
     random::{Domain, Random},
@@ -101,7 +101,8 @@ fn furnish(site: &mut Site, kerb: &Kerb, random: &mut Random) {
             draw if draw > 0.74 => park_bicycles(site, kerb, at, random),
             draw if draw > 0.74 - 0.2 * site.options.vegetation => {
                 let foot = site.foot(place);
-                site.solids.extend(plants::bush(foot, random.between(0.25, 0.4), random));
+                let (radius, free_path_m) = (random.between(0.25, 0.4), site.free_path_m(0.14, random));
+                site.solids.extend(plants::bush(foot, radius, free_path_m, random));
             }
             _ => {}
         }
@@ -126,7 +127,7 @@ fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
                 let foot = site.foot(kerb.at(at, 0.6));
                 site.solids.extend(plants::varied_tree(foot, random));
             }
-            draw if draw < 0.45 => site.stand(&clutter::pole(random), kerb.at(at, 0.4), kerb.outward()),
+            draw if draw < 0.40 => site.stand(&clutter::pole(random), kerb.at(at, 0.4), kerb.outward()),
             draw if draw < 0.60 => {
                 let facing =
                     if random.chance(0.7) { -kerb.along } else { open_blocks::any_direction(random) };
@@ -145,6 +146,42 @@ fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
         }
         at += spacing * random.between(0.4, 1.6);
     }
+    if random.chance(0.25) {
+        plant_kerb(site, kerb, random);
+    }
+    if random.chance(0.3) {
+        wall_off(site, kerb, random);
+    }
+}
+
+/// A wall, railing or fence along the kerb or behind the sidewalk.
+fn wall_off(site: &mut Site, kerb: &Kerb, random: &mut Random) {
+    let length = random.between(3.0, 30.0).min(kerb.length_m - 10.0);
+    if length < 3.0 {
+        return;
+    }
+    let from = random.between(5.0, kerb.length_m - 5.0 - length);
+    let outside = random.pick(&[0.3, kerb.street.sidewalk_m - 0.1, kerb.street.sidewalk_m + 0.2]);
+    let ends = [kerb.at(from, outside), kerb.at(from + length, outside)];
+    let (half_width, finish) = random.pick(&[
+        (0.15, Finish::Matte),
+        (0.05, Finish::Matte),
+        (0.02, Finish::Open(0.35)),
+        (0.02, Finish::Open(0.6)),
+    ]);
+    houses::add_fence(site, ends, random.between(0.5, 2.2), half_width, finish);
+}
+
+/// A bed of low bushes at the kerb, as wide as the sidewalk leaves room for.
+fn plant_kerb(site: &mut Site, kerb: &Kerb, random: &mut Random) {
+    let room = kerb.street.sidewalk_m - 0.5;
+    let length = random.between(4.0, 25.0).min(kerb.length_m - 10.0);
+    if length < 3.0 {
+        return;
+    }
+    let from = random.between(5.0, kerb.length_m - 5.0 - length);
+    let ends = [kerb.at(from + length, 0.3), kerb.at(from, 0.3)];
+    open_blocks::plant_strip(site, ends, random.between(0.5, 1.0) * room, random);
 }
 
 /// A row of bollards or railings along the kerb.
@@ -162,7 +199,8 @@ fn bollards(site: &mut Site, kerb: &Kerb, from: f32, random: &mut Random) {
 }
 
 fn park_bicycles(site: &mut Site, kerb: &Kerb, at: f32, random: &mut Random) {
-    for k in 0..1 + random.below(3) {
+    let most = if site.options.varied { 8 } else { 3 };
+    for k in 0..1 + random.below(most) {
         let bicycle = bodies::bicycle(11, site.instance());
         let place = kerb.at(at + 0.7 * k as f32, kerb.street.sidewalk_m - 0.45);
         let tilt = f64::from(random.between(-0.3, 0.3));

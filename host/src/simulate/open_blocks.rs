@@ -63,7 +63,8 @@ fn fill_square(site: &mut Site, yard: &Yard, random: &mut Random) {
 /// Puts one thing that stands about in open places.
 pub fn furnish_place(site: &mut Site, at: Point2<f64>, random: &mut Random) {
     let facing = any_direction(random);
-    match random.below(20) {
+    match random.below(21) {
+        20 => site.stand(&clutter::kiosk(random), at, facing),
         0..7 => gather(site, at, random),
         7..9 => site.stand(&clutter::object(random), at, facing),
         9..12 => site.stand(&clutter::pole(random), at, facing),
@@ -74,7 +75,8 @@ pub fn furnish_place(site: &mut Site, at: Point2<f64>, random: &mut Random) {
         }
         16 => {
             let foot = site.foot(at);
-            site.solids.extend(plants::bush(foot, random.between(0.4, 1.2), random));
+            let (radius, free_path_m) = (random.between(0.4, 1.2), site.free_path_m(0.14, random));
+            site.solids.extend(plants::bush(foot, radius, free_path_m, random));
         }
         17 => {
             let body = bodies::bicycle(11, site.instance());
@@ -112,9 +114,11 @@ pub fn furnish_sidewalk(site: &mut Site, at: Point2<f64>, random: &mut Random) {
             let body = fleet::motorcycle(site.instance(), random);
             site.park(&body, at, facing, [0.6, 0.1]);
         }
+        9 if random.chance(0.3) => site.stand(&clutter::kiosk(random), at, facing),
         8 => {
             let foot = site.foot(at);
-            site.solids.extend(plants::bush(foot, random.between(0.25, 0.6), random));
+            let (radius, free_path_m) = (random.between(0.25, 0.6), site.free_path_m(0.14, random));
+            site.solids.extend(plants::bush(foot, radius, free_path_m, random));
         }
         _ => {}
     }
@@ -180,7 +184,10 @@ fn fill_thicket(site: &mut Site, yard: &Yard, random: &mut Random) {
                 let at = yard.anywhere(random);
                 plant_bed(site, at, random);
             }
-            _ => site.solids.extend(plants::bush(foot, random.between(0.4, 2.0), random)),
+            _ => {
+                let (radius, free_path_m) = (random.between(0.4, 2.0), site.free_path_m(0.14, random));
+                site.solids.extend(plants::bush(foot, radius, free_path_m, random));
+            }
         }
     }
 }

@@ -93,6 +93,10 @@ pub struct Flaws {
     pub streaks: bool,
     /// The own vehicle hides nothing.
     pub unmasked: bool,
+    /// How much the remission of far and slanted surfaces fades: 0 = not at all, 1 = about as KITTI's device.
+    pub fading: f32,
+    /// Factor on the noise of the remissions of all but leaves, which fill a part of the beam only.
+    pub speckle: f32,
 }
 
 impl Default for Flaws {
@@ -106,6 +110,8 @@ impl Default for Flaws {
             mixed: 0.0,
             streaks: false,
             unmasked: false,
+            fading: 0.0,
+            speckle: 1.0,
         }
     }
 }
@@ -127,6 +133,8 @@ pub struct TownOptions {
     pub parked: f32,
     /// More kinds of streets, blocks, houses, plants, vehicles and street furniture, with wider spreads.
     pub varied: bool,
+    /// Share of the blocks of a varied town that are those of a city centre, 0 to 1: closed rows of high houses.
+    pub centre: f32,
 }
 
 impl Default for Options {
@@ -217,6 +225,7 @@ impl TownOptions {
             () if !(0.0..=5.0).contains(&self.bend_m) => refuse("town.bend_m", "0 to 5"),
             () if !(0.0..=5.0).contains(&self.vegetation) => refuse("town.vegetation", "0 to 5"),
             () if !(0.0..=1.0).contains(&self.parked) => refuse("town.parked", "0 to 1"),
+            () if !(0.0..=1.0).contains(&self.centre) => refuse("town.centre", "0 to 1"),
             () => Ok(()),
         }
     }
@@ -247,6 +256,7 @@ impl Default for TownOptions {
             vegetation: 1.0,
             parked: 0.5,
             varied: false,
+            centre: 0.0,
         }
     }
 }

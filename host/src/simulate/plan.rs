@@ -120,16 +120,15 @@ impl Plan {
         let streets = draw_streets(town, 1, &mut random);
         let first = random.below(5);
         let kind = |k: usize| Kind::ALL[(first + k / town.blocks[1] + 2 * (k % town.blocks[1])) % 5];
-        let styles =
-            (0..town.blocks[0] * town.blocks[1])
-                .map(|k| {
-                    if town.varied {
-                        draw_varied_style(&mut random)
-                    } else {
-                        draw_style(kind(k), &mut random)
-                    }
-                })
-                .collect();
+        let styles = (0..town.blocks[0] * town.blocks[1])
+            .map(|k| {
+                if town.varied {
+                    draw_varied_style(town.centre, &mut random)
+                } else {
+                    draw_style(kind(k), &mut random)
+                }
+            })
+            .collect();
         let mut wave = || std::f64::consts::TAU / f64::from(random.between(130.0, 200.0));
         let bend = Bend {
             amplitude_m: f64::from(town.bend_m),
@@ -270,14 +269,19 @@ fn draw_streets(town: &TownOptions, axis: usize, random: &mut Random) -> Vec<Str
             parking_m,
             sidewalk_m: random.between(1.9, 2.8),
         };
-        streets.push(if town.varied { vary_street(street, random) } else { street });
+        streets.push(if town.varied { vary_street(street, town.centre, random) } else { street });
         centre_m += gaps.get(k).copied().unwrap_or(0.0);
     }
     streets
 }
 
-/// More lanes, bays for parking across, narrow and wide sidewalks.
-fn vary_street(street: Street, random: &mut Random) -> Street {
+/// More lanes, bays for parking across, narrow and wide sidewalks; in the centre narrow streets.
+fn vary_street(street: Street, centre: f32, random: &mut Random) -> Street {
+    if random.chance(0.8 * centre) {
+        let parking_m = random.pick(&[0.0, 0.0, 2.0]);
+        let sidewalk_m = random.pick(&[0.8, 1.3, 2.0, 3.5, 6.0]) + random.between(0.0, 0.7);
+        return Street { half_width_m: 3.3 + parking_m, parking_m, sidewalk_m, ..street };
+    }
     let parking_m = random.pick(&[0.0, street.parking_m, 2.0, 2.0, 4.8]);
     let lanes_m = random.pick(&[0.0, 0.0, 0.0, 0.0, 0.8, 3.2, 5.0]);
     Street {
@@ -301,7 +305,18 @@ impl Kind {
 }
 
 /// A block of a varied town: its properties are drawn one by one.
-fn draw_varied_style(random: &mut Random) -> BlockStyle {
+fn draw_varied_style(centre: f32, random: &mut Random) -> BlockStyle {
+    if random.chance(centre) {
+        return BlockStyle {
+            setback_m: random.pick(&[0.0, 0.1, 0.8, 2.0]) + random.between(0.0, 0.5),
+            storeys: random.pick(&[2.0, 3.0, 4.0, 5.0]),
+            gap_m: random.pick(&[0.05, 0.05, 0.2, 3.5]),
+            paved_m: 60.0,
+            verge_m: 0.0,
+            avenue_trees: random.chance(0.4),
+            purpose: if random.chance(0.85) { Purpose::Houses } else { Purpose::Square },
+        };
+    }
     let purpose = match random.below(16) {
         0..10 => Purpose::Houses,
         10 => Purpose::Park,

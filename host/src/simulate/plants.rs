@@ -30,12 +30,12 @@ pub fn varied_tree(foot: Vec3, random: &mut Random) -> Vec<Solid> {
     let size = random.between(0.6, 1.9);
     let height = size * random.between(1.8, 3.4);
     let trunk = Trunk { radius_m: size * random.between(0.06, 0.22), lean: random.between(0.0, 0.12) };
-    let crown_foot = random.pick(&[0.2, 0.8, 1.8, 2.3, 3.0]) * random.between(0.8, 1.2);
+    let crown_foot = random.pick(&[0.2, 0.8, 1.8, 2.5, 3.5, 4.5]) * random.between(0.8, 1.2);
     let crown = Vec3::new(size * random.between(1.0, 2.4), height, crown_foot);
     let leaves = Leaves {
         density: random.pick(&[0.15, 0.5, 0.8, 1.0]),
         clump_m: [0.25, random.between(0.4, 0.9)],
-        free_path_m: random.between(0.08, 0.7),
+        free_path_m: random.pick(&[0.04, 0.12, 0.3, 0.6]),
         cone: random.chance(0.2),
     };
     let mut solids = grow_as(foot, crown, trunk, leaves, random);
@@ -104,20 +104,20 @@ fn grow_as(foot: Vec3, crown: Vec3, trunk: Trunk, leaves: Leaves, random: &mut R
     solids
 }
 
-/// A bush of this radius [m] on the ground at `foot`.
-pub fn bush(foot: Vec3, radius_m: f32, random: &mut Random) -> Vec<Solid> {
+/// A bush of this radius [m] on the ground at `foot`; a ray gets `free_path_m` into it.
+pub fn bush(foot: Vec3, radius_m: f32, free_path_m: f32, random: &mut Random) -> Vec<Solid> {
     let scale = Vec3::new(radius_m, radius_m, radius_m * random.between(0.7, 1.1));
     let middle = foot + Vec3::z() * (0.75 * scale.z);
     (0..(7.0 + 9.0 * radius_m) as usize)
         .map(|_| {
             let size = random.between(0.18, 0.36);
-            clump(middle + shell(random).component_mul(&scale) * 0.8, size, size, 0.14)
+            clump(middle + shell(random).component_mul(&scale) * 0.8, size, size, free_path_m)
         })
         .collect()
 }
 
-/// A hedge from one foot to another, of this height [m].
-pub fn hedge(from: Vec3, to: Vec3, height_m: f32, random: &mut Random) -> Vec<Solid> {
+/// A hedge from one foot to another, of this height [m]; a ray gets `free_path_m` into it.
+pub fn hedge(from: Vec3, to: Vec3, height_m: f32, free_path_m: f32, random: &mut Random) -> Vec<Solid> {
     let steps = ((to - from).norm() / 0.35).ceil().max(1.0) as usize;
     let rows = (height_m / 0.45).round().max(1.0) as usize;
     let mut solids = Vec::with_capacity(steps * rows);
@@ -126,7 +126,7 @@ pub fn hedge(from: Vec3, to: Vec3, height_m: f32, random: &mut Random) -> Vec<So
         let z = (row as f32 + 0.5) * height_m / rows as f32;
         let shift =
             Vec3::new(random.between(-0.06, 0.06), random.between(-0.06, 0.06), random.between(-0.05, 0.05));
-        solids.push(clump(foot + Vec3::z() * z + shift, random.between(0.26, 0.34), 0.3, 0.10));
+        solids.push(clump(foot + Vec3::z() * z + shift, random.between(0.26, 0.34), 0.3, free_path_m));
     }
     solids
 }
@@ -134,8 +134,8 @@ pub fn hedge(from: Vec3, to: Vec3, height_m: f32, random: &mut Random) -> Vec<So
 /// A trimmed hedge or a strip of undergrowth: smooth or shaggy, one to many shoots thick.
 pub fn shrubs(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut Random) -> Vec<Solid> {
     let size = random.between(0.18, 0.40).min(0.6 * height_m + 0.1);
-    let free_path_m = random.pick(&[0.02, 0.05, 0.12, 0.3]);
-    let shag_m = random.pick(&[0.02, 0.08, 0.2]);
+    let free_path_m = random.pick(&[0.02, 0.03, 0.05, 0.12]);
+    let shag_m = random.pick(&[0.03, 0.06, 0.1, 0.2]);
     let (along, pitch) = (to - from, 1.1 * size);
     let across = Vec3::new(-along.y, along.x, 0.0).try_normalize(1e-6).unwrap_or_default();
     let count = |length: f32| (length / pitch).ceil().max(1.0) as usize;
@@ -195,8 +195,8 @@ mod tests {
             street_tree(foot, &mut random),
             varied_tree(foot, &mut random),
             shrubs(foot, foot + Vec3::x() * 3.0, 0.7, 1.5, &mut random),
-            bush(foot, 0.8, &mut random),
-            hedge(foot, foot + Vec3::x() * 4.0, 1.4, &mut random),
+            bush(foot, 0.8, 0.14, &mut random),
+            hedge(foot, foot + Vec3::x() * 4.0, 1.4, 0.10, &mut random),
         ] {
             let lowest = solids.iter().map(|s| s.shape.bounds().0.z).fold(f32::MAX, f32::min);
             assert!(lowest < foot.z + 0.25, "floats at {lowest}");

@@ -32,7 +32,7 @@ fn randomised_sensor(seed: u64, random: &mut Random) -> SensorOptions {
     SensorOptions {
         height_m: f64::from(random.between(1.5, 2.0)),
         pitch_deg: f64::from(random.between(-0.8, 1.0)),
-        range_noise_m: random.between(0.005, 0.03),
+        range_noise_m: random.pick(&[0.004, 0.006, 0.008, 0.012, 0.02]),
         dropout: random.pick(&[0.05, 0.15, 0.3, 1.0]),
         flaws: Flaws {
             device: seed,
@@ -43,21 +43,24 @@ fn randomised_sensor(seed: u64, random: &mut Random) -> SensorOptions {
             mixed: random.between(0.0, 0.4),
             streaks: random.chance(0.85),
             unmasked: random.chance(0.15),
+            fading: random.between(0.0, 1.6),
+            speckle: random.between(0.2, 0.6),
         },
         ..SensorOptions::default()
     }
 }
 
 fn randomised_town(random: &mut Random) -> TownOptions {
-    let shortest = random.between(50.0, 80.0);
+    let shortest = random.between(42.0, 80.0);
     TownOptions {
         blocks: [4, 4],
         block_length_m: [shortest, shortest + random.between(10.0, 50.0)],
         hill_m: random.between(0.0, 6.0),
         bend_m: random.between(0.0, 5.0),
-        vegetation: random.pick(&[0.5, 1.0, 2.0, 3.0]),
-        parked: random.between(0.05, 0.6),
+        vegetation: random.pick(&[0.15, 0.3, 0.6, 1.0, 2.0]),
+        parked: random.between(0.02, 0.5),
         varied: true,
+        centre: random.pick(&[0.1, 0.5, 0.8, 0.95, 1.0]),
     }
 }
 

@@ -95,7 +95,11 @@ pub fn first_hit<'a>(
         let mut surface = solid.surface;
         match surface.finish {
             Finish::Open(share) if !random().chance(share) => continue,
-            Finish::Facade(index) => (hit, surface.finish) = facades[index as usize].refine(ray, hit),
+            Finish::Facade(index) => {
+                let detail = facades[index as usize].refine(ray, hit);
+                (hit, surface.finish) = (detail.hit, detail.finish);
+                surface.reflectance *= detail.shade;
+            }
             _ => {}
         }
         if hit.range_m < best.map_or(limit_m, |b| b.hit.range_m) {

@@ -99,14 +99,22 @@ pub fn measure(
     }
     let spread = 1.0 + 0.5 * true_m / 80.0 + 0.4 * (1.0 - slant);
     let blades = if echo.surface.label == TERRAIN { 0.015 * random.normal() } else { 0.0 };
-    let range_m = true_m + laser.bias_m + options.range_noise_m * spread * random.normal() + blades;
+    // The time of a weak echo is uncertain, for a whole streak of a ring.
+    let walk_m = streak.map_or(0.0, |draw| 0.14 * (draw - 0.5) * (-reflectance / 0.06).exp());
+    let range_m = true_m + walk_m + laser.bias_m + options.range_noise_m * spread * random.normal() + blades;
     let seen = (options.min_range_m..options.max_range_m).contains(&range_m);
-    let remission = remission(echo.surface.finish, laser.gain * reflectance, slant, random);
+    let speckle = match echo.surface.label {
+        VEGETATION => (0.5 + options.flaws.speckle).min(1.0),
+        _ => options.flaws.speckle,
+    };
+    let remission = remission(echo.surface.finish, laser.gain * reflectance, slant, speckle, random);
+    let remission = fade(options.flaws.fading, echo, remission, reflectance, slant, random);
     seen.then_some(Return { range_m, remission })
 }
 
-/// SemanticKITTI id of grass.
+/// SemanticKITTI ids of grass and leaves.
 const TERRAIN: u16 = 72;
+const VEGETATION: u16 = 70;
 
 /// Range [m] and reflectance of what sends the echo back; through glass it is often nothing.
 fn through_glass(echo: &Echo, random: &mut Random, streak: Option<f32>) -> Option<(f32, f32)> {
@@ -114,7 +122,12 @@ fn through_glass(echo: &Echo, random: &mut Random, streak: Option<f32>) -> Optio
     if echo.surface.finish != Finish::Glass {
         return Some(plain);
     }
+    // Rooms are deeper than cars.
+    let is_window = streak.is_some() && echo.surface.instance == 0;
     match streak.unwrap_or_else(|| random.unit()) {
+        draw if is_window && (0.40..0.70).contains(&draw) => {
+            Some((plain.0 + random.between(0.1, 1.8) * random.between(0.1, 1.8), 0.15))
+        }
         draw if draw < 0.45 => None,
         draw if draw < 0.60 => Some((plain.0 + random.between(0.2, 1.4), 0.15)),
         _ => Some((plain.0, 0.12)),
@@ -134,12 +147,33 @@ fn loss(options: &SensorOptions, range_m: f32, reflectance: f32, slant: f32) -> 
     options.dropout * (0.012 + 1.0 - (-weakness).exp())
 }
 
-fn remission(finish: Finish, reflectance: f32, slant: f32, random: &mut Random) -> f32 {
+fn remission(finish: Finish, reflectance: f32, slant: f32, speckle: f32, random: &mut Random) -> f32 {
     let exact = if finish == Finish::Retro { 1.2 * reflectance } else { reflectance * (0.6 + 0.4 * slant) };
-    let noisy = exact + random.normal() * (0.02 + 0.2 * exact);
+    let noisy = exact + random.normal() * speckle * (0.02 + 0.2 * exact);
     let quantised = (100.0 * noisy).round() / 100.0;
     let nothing = 0.02 + 0.8 * (-exact / 0.06).exp();
     if exact == 0.0 || random.chance(nothing) { 0.0 } else { quantised.clamp(0.0, 0.99) }
+}
+
+/// A remission as a device reports it that has little to spare for weak echoes.
+fn fade(fading: f32, echo: &Echo, remission: f32, reflectance: f32, slant: f32, random: &mut Random) -> f32 {
+    if fading == 0.0 {
+        return remission;
+    }
+    let far = echo.hit.range_m / 50.0;
+    // A leaf fills a part of the beam, as does what is thin and far.
+    let filled = match echo.surface.label {
+        VEGETATION => random.between(0.1, 1.0),
+        // Ground, houses and fences.
+        40..=51 | 60 | TERRAIN => 1.0,
+        _ => random.between((1.0 - 1.5 * far).max(0.1), 1.0),
+    };
+    let weakness = fading * far * far / (reflectance * filled * (slant + 0.03) + 1e-3) / 8.0;
+    if random.chance(1.0 - (-weakness.powi(3)).exp()) {
+        return 0.0;
+    }
+    let share = 1.0 - fading.min(1.5) * (0.7 - 0.3 * filled) * (2.0 * far - 0.8).clamp(0.0, 1.0);
+    (100.0 * remission * share).round().max(0.0) / 100.0
 }
 
 #[cfg(test)]

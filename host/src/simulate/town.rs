@@ -89,6 +89,11 @@ impl Site<'_> {
         Vec3::new(q.x as f32, q.y as f32, self.ground.height(q) as f32)
     }
 
+    /// How far a ray gets into low leaves [m]: `usual_m`, or in a varied town anything from trimmed to shaggy.
+    pub fn free_path_m(&self, usual_m: f32, random: &mut Random) -> f32 {
+        if self.options.varied { random.pick(&[0.02, 0.03, 0.05, 0.10]) } else { usual_m }
+    }
+
     /// A new instance number. A town that runs out of numbers starts again.
     pub fn instance(&mut self) -> u16 {
         let instance = self.next_instance;
