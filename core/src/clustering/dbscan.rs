@@ -4,7 +4,7 @@
 //! is at most the smaller of their radii; a point is a core point when the weights of its neighbours, itself included,
 //! reach the minimum. Border points join the cluster of their nearest core point.
 
-use heapless::Vec;
+use heapless::{Vec, VecView};
 
 use crate::math::floor_i32;
 use crate::total;
@@ -25,7 +25,8 @@ pub struct Point {
     pub id: u16,
     /// Result: cluster, or [`NOISE`].
     pub cluster: u16,
-    /// Place in the search grid, 16 bits each: column x, y, height z of its cube; then the id. In the order of a search.
+    /// Place in the search grid, 16 bits each: column x, y, height z of its cube; then where it was before. In the order of a
+    /// search.
     key: u64,
     /// In the first point of a column: first point of the next column in the same bucket.
     next: u16,
@@ -50,16 +51,18 @@ impl Point {
 /// Buckets of the hashed grid.
 const BUCKETS: usize = 8192;
 
-/// Memory of the search: a hashed grid of cubes, and the forest that joins core points (as long as the points).
+/// Memory of the search: a hashed grid of cubes, the order of the points, and the forest that joins core points (both as long
+/// as the points).
 pub struct Scratch<const N: usize> {
     first: [u16; BUCKETS],
+    order: Vec<u64, N>,
     parents: Vec<u16, N>,
 }
 
 impl<const N: usize> Scratch<N> {
     /// Nothing in it.
     pub const fn new() -> Self {
-        Self { first: [NOISE; BUCKETS], parents: Vec::new() }
+        Self { first: [NOISE; BUCKETS], order: Vec::new(), parents: Vec::new() }
     }
 }
 
@@ -82,7 +85,7 @@ pub fn cluster<const N: usize>(
     cube_m: f32,
     min_weight: u32,
 ) -> u16 {
-    let grid = Grid::build(points, &mut scratch.first, cube_m);
+    let grid = Grid::build(points, &mut scratch.first, &mut scratch.order, cube_m);
     for i in 0..points.len() {
         let core = grid.is_core(points, i, min_weight);
         if let Some(point) = points.get_mut(i) {
@@ -107,14 +110,24 @@ struct Grid<'a> {
 }
 
 impl<'a> Grid<'a> {
-    fn build(points: &mut [Point], first: &'a mut [u16; BUCKETS], cube_m: f32) -> Self {
+    fn build(
+        points: &mut [Point],
+        first: &'a mut [u16; BUCKETS],
+        order: &mut VecView<u64>,
+        cube_m: f32,
+    ) -> Self {
         first.fill(NOISE);
         let per_metre = 1.0 / cube_m;
-        for point in points.iter_mut() {
+        order.clear();
+        for (i, point) in points.iter_mut().enumerate() {
             let [x, y, z] = point.position.map(|v| lattice(v, per_metre));
-            point.key = x << 48 | y << 32 | z << 16 | u64::from(point.id);
+            point.key = x << 48 | y << 32 | z << 16 | i as u64;
+            // As many as fit.
+            let _ = order.push(point.key);
         }
-        total::sort_by(points, |a, b| a.key < b.key);
+        // The keys alone, and then each point once: a point is five times as long.
+        total::sort_by(order, |a, b| a < b);
+        rearrange(points, order);
         let mut before = None;
         for (i, point) in points.iter_mut().enumerate() {
             let column = point.column();
@@ -179,6 +192,23 @@ impl<'a> Grid<'a> {
                     visit(start + offset, other, distance2);
                 }
             }
+        }
+    }
+}
+
+/// Moves each point to its place: `order` says in its lowest 16 bits where the point for each place is. Forgets `order`.
+fn rearrange(points: &mut [Point], order: &mut [u64]) {
+    for start in 0..order.len() {
+        let mut place = start;
+        // Round the cycle that goes through `start`.
+        while let Some(from) = order.get_mut(place) {
+            let source = (*from & 0xFFFF) as usize;
+            *from = place as u64;
+            if source == start || source == place || source >= points.len() || place >= points.len() {
+                break;
+            }
+            points.swap(place, source);
+            place = source;
         }
     }
 }
