@@ -1,14 +1,16 @@
 //! Stage 2, section 3.1.2: instances, by DBSCAN per class with the class's own radius and minimum points.
 //!
 //! Deviations: the radius grows with range, as the spacing of the beams does; the points of a scan come as cells that
-//! weigh as many points as they hold; long things are cut into tiles that are fixed in the map, so that a landmark stays
+//! weigh as many points as they hold, those of long things in blocks of up to eight; long things are cut into tiles that are fixed in the map, so that a landmark stays
 //! local; classes that segmentation confuses within one object (a car's and a truck's, a rider's and a walker's) may be
 //! clustered together, the majority naming the instance.
 
 use heapless::Vec;
 use heapless::index_map::FnvIndexMap;
+use nalgebra::Vector3;
 
 use crate::clustering::dbscan::{self, Scratch};
+use crate::clustering::radix::{self, Packing};
 use crate::error::ParameterError;
 use crate::math::{self, floor_i32};
 use crate::pose::Pose;
@@ -19,7 +21,8 @@ use crate::scan_cells::{Cell, ScanCells};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct ClassConfig {
-    /// Radius of the neighbourhood, near the sensor [m].
+    /// Radius of the neighbourhood, near the sensor [m]. Long things come in blocks, twice as large as their cells: less than
+    /// one and a half blocks would tear them apart.
     pub radius_m: f32,
     /// Points that make a core point.
     pub min_points: u32,
@@ -69,9 +72,9 @@ impl Config {
         two_wheeler: class(0.5, 5, 10, 0.0),
         car: class(0.7, 6, 12, 0.0),
         large_vehicle: class(1.0, 8, 20, 0.0),
-        fence: class(0.8, 8, 30, 5.0),
+        fence: class(1.2, 8, 30, 5.0),
         building: class(1.2, 15, 50, 8.0),
-        vegetation: class(0.8, 12, 40, 4.0),
+        vegetation: class(1.2, 12, 40, 4.0),
     };
 
     /// Nothing but the paper: one class, one clustering.
@@ -156,6 +159,8 @@ pub struct Instance {
 
 /// Instances of a scan, and the memory to find them.
 pub struct Instances<const CELLS: usize, const INSTANCES: usize> {
+    /// Cells by family, those of long things also by block.
+    by_family: Vec<u16, CELLS>,
     members: Vec<dbscan::Point, CELLS>,
     scratch: Scratch<CELLS>,
     /// Instance of (cluster, tile).
@@ -168,6 +173,7 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
     /// No instances.
     pub const fn new() -> Self {
         Self {
+            by_family: Vec::new(),
             members: Vec::new(),
             scratch: Scratch::new(),
             tiles: FnvIndexMap::new(),
@@ -190,17 +196,49 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
     pub fn find(&mut self, config: &Config, cells: &mut ScanCells<CELLS>, local_from_sensor: &Pose) {
         self.found.clear();
         self.refused = 0;
-        let mut present = [false; SemanticClass::COUNT];
-        for cell in cells.cells() {
-            present[config.family(cell.class) as usize] = true;
-        }
-        let landmarks =
-            |c: &SemanticClass| matches!(c.motion(), MotionClass::PureStatic | MotionClass::UnknownMotion);
-        for family in SemanticClass::ALL.into_iter().filter(|c| landmarks(c) && present[*c as usize]) {
+        self.sort_by_family(config, cells.cells());
+        let mut start = 0;
+        while let Some(first) = self.by_family.get(start).and_then(|i| cells.cells().get(*i as usize)) {
+            let family = config.family(first.class);
+            start = self.gather(config, family, start, cells.cells());
             self.find_family(config, family, cells.cells_mut(), local_from_sensor);
         }
     }
 
+    /// Sorts the cells by family; those of long things also by block.
+    fn sort_by_family(&mut self, config: &Config, cells: &[Cell]) {
+        let families = SemanticClass::ALL.map(|class| config.family(class) as u64);
+        self.by_family.clear();
+        for (i, cell) in cells.iter().enumerate() {
+            if matches!(cell.class.motion(), MotionClass::PureStatic | MotionClass::UnknownMotion) {
+                // As many as cells fit.
+                let _ = self.by_family.push(i as u16);
+            }
+        }
+        let packing = Packing::of(cells.iter().filter_map(|cell| block(config, cell)));
+        let key = |i: u16| {
+            let Some(cell) = cells.get(i as usize) else { return 0 };
+            let block = block(config, cell).map_or(0, |block| packing.pack(block));
+            families[cell.class as usize] << packing.bits() | block
+        };
+        let bits = packing.bits() + SemanticClass::COUNT.ilog2() + 1;
+        radix::sort_by_key(&mut self.by_family, self.scratch.spare(), bits, key);
+    }
+
+    /// The cells of a family, which begin at `start` in [`Self::by_family`], as members to cluster; gives their end.
+    fn gather(&mut self, config: &Config, family: SemanticClass, start: usize, cells: &[Cell]) -> usize {
+        self.members.clear();
+        let mut end = start;
+        loop {
+            let ids = together(config, self.by_family.get(end..).unwrap_or_default(), cells);
+            let Some(member) = member(config, family, ids, cells, end) else { return end };
+            // As many members as cells fit.
+            let _ = self.members.push(member);
+            end += ids.len();
+        }
+    }
+
+    /// Clusters the members and writes the instance of each cell.
     fn find_family(
         &mut self,
         config: &Config,
@@ -208,15 +246,6 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
         cells: &mut [Cell],
         local_from_sensor: &Pose,
     ) {
-        self.members.clear();
-        let member = SemanticClass::ALL.map(|c| config.family(c) == family);
-        for (id, cell) in cells.iter().enumerate().filter(|(_, c)| member[c.class as usize]) {
-            let mean = cell.mean();
-            let range = math::sqrt(mean.norm_squared());
-            let radius = config.of(cell.class).radius_m.max(config.radius_per_range * range);
-            // As many members as cells fit.
-            let _ = self.members.push(dbscan::Point::new(mean.into(), radius, cell.count(), id as u16));
-        }
         let class = config.of(family);
         dbscan::cluster(&mut self.members, &mut self.scratch, class.radius_m, class.min_points);
         self.tiles.clear();
@@ -228,12 +257,17 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
             let tile = tile_of(class.tile_m, &member.position, local_from_sensor);
             let instance = self.instance(family, (member.cluster, tile[0], tile[1]));
             let found = instance.and_then(|instance| self.found.get_mut(instance as usize));
-            match (instance, found, cells.get_mut(member.id as usize)) {
-                (Some(instance), Some(found), Some(cell)) => {
+            let ids = together(config, self.by_family.get(member.id as usize..).unwrap_or_default(), cells);
+            match (instance, found) {
+                (Some(instance), Some(found)) => {
                     found.points += member.weight;
-                    cell.landmark = instance;
+                    for id in ids {
+                        if let Some(cell) = cells.get_mut(*id as usize) {
+                            cell.landmark = instance;
+                        }
+                    }
                 }
-                _ => self.refused += 1,
+                _ => self.refused += ids.len() as u32,
             }
         }
     }
@@ -248,6 +282,44 @@ impl<const CELLS: usize, const INSTANCES: usize> Instances<CELLS, INSTANCES> {
         self.tiles.insert(key, index).ok()?;
         Some(index)
     }
+}
+
+/// The first of these cells that make one member: those in a block of a long thing, or a single cell.
+fn together<'a>(config: &Config, ids: &'a [u16], cells: &[Cell]) -> &'a [u16] {
+    let place = |id: &u16| cells.get(*id as usize).map(|cell| (cell.class, block(config, cell)));
+    let count = match ids.first().and_then(place) {
+        Some(first @ (_, Some(_))) => ids.iter().take_while(|id| place(id) == Some(first)).count(),
+        _ => 1,
+    };
+    ids.get(..count).unwrap_or_default()
+}
+
+/// Where the cell of a long thing lies; `None` for other things.
+fn block(config: &Config, cell: &Cell) -> Option<[u16; 3]> {
+    (config.of(cell.class).tile_m > 0.0).then(|| cell.block())
+}
+
+/// Cells as one member; `None` when there are none or they are not of the family.
+fn member(
+    config: &Config,
+    family: SemanticClass,
+    ids: &[u16],
+    cells: &[Cell],
+    index: usize,
+) -> Option<dbscan::Point> {
+    let class = cells.get(*ids.first()? as usize)?.class;
+    if config.family(class) != family {
+        return None;
+    }
+    let (mut sum, mut weight) = (Vector3::zeros(), 0);
+    for cell in ids.iter().filter_map(|id| cells.get(*id as usize)) {
+        sum += cell.mean() * cell.count() as f32;
+        weight += cell.count();
+    }
+    let mean = sum / weight as f32;
+    let range = math::sqrt(mean.norm_squared());
+    let radius = config.of(class).radius_m.max(config.radius_per_range * range);
+    Some(dbscan::Point::new(mean.into(), radius, weight, index as u16))
 }
 
 fn tile_of(tile_m: f32, position: &[f32; 3], local_from_sensor: &Pose) -> [i16; 2] {

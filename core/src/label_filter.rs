@@ -87,9 +87,9 @@ pub fn filter<const CELLS: usize>(
     cells: &mut ScanCells<CELLS>,
 ) -> PointCounts {
     cells.clear();
-    let sides = SemanticClass::ALL.map(|class| {
+    let by_class = SemanticClass::ALL.map(|class| {
         let side = config.cell_side_m(class);
-        (side, 1.0 / side)
+        (class.motion(), side, 1.0 / side)
     });
     let (min2, max2) = (config.min_range_m * config.min_range_m, config.max_range_m * config.max_range_m);
     let mut counts = PointCounts { received: points.len() as u32, ..PointCounts::default() };
@@ -97,7 +97,7 @@ pub fn filter<const CELLS: usize>(
         point.landmark = LabelledPoint::NO_LANDMARK;
         let [x, y, z] = point.position;
         let range2 = x * x + y * y + z * z;
-        let motion = point.class.motion();
+        let (motion, side, inverse) = by_class[point.class as usize];
         if !range2.is_finite() && !point.position.iter().all(|v| v.is_finite()) {
             counts.not_finite += 1;
         } else if !(min2..=max2).contains(&range2) {
@@ -107,7 +107,6 @@ pub fn filter<const CELLS: usize>(
         } else if point.confidence < config.min_confidence {
             counts.unsure += 1;
         } else {
-            let (side, inverse) = sides[point.class as usize];
             match cells.add(point.position, point.class, side, inverse) {
                 Some(cell) => {
                     point.landmark = cell;

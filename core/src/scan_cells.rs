@@ -48,6 +48,11 @@ impl Cell {
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
     }
 
+    /// The block of 2 x 2 x 2 cells in which it lies, counted from far outside.
+    pub fn block(&self) -> [u16; 3] {
+        [32, 16, 0].map(|at| ((self.key >> at) as u16 ^ 0x8000) >> 1)
+    }
+
     /// Moves all its points [m].
     pub fn shift(&mut self, by: &Vector3<f32>) {
         for (c, v) in self.centre.iter_mut().zip(by.iter()) {
@@ -74,21 +79,26 @@ impl Cell {
 pub struct ScanCells<const CELLS: usize> {
     cells: Vec<Cell, CELLS>,
     slots: [[u16; 2]; CELLS],
+    /// Key and index of the cell of the last point: the next point of a beam is often in it too.
+    last: (u64, u16),
 }
 
 const EMPTY: u16 = u16::MAX;
+/// A key that no cell has.
+const NO_KEY: u64 = u64::MAX;
 
 impl<const CELLS: usize> ScanCells<CELLS> {
     /// No cells.
     pub const fn new() -> Self {
         const { assert!(CELLS.is_power_of_two() && CELLS <= 32768, "CELLS must be a power of two, at most 32768") };
-        Self { cells: Vec::new(), slots: [[EMPTY; 2]; CELLS] }
+        Self { cells: Vec::new(), slots: [[EMPTY; 2]; CELLS], last: (NO_KEY, 0) }
     }
 
     /// Forgets all cells.
     pub fn clear(&mut self) {
         self.cells.clear();
         self.slots.fill([EMPTY; 2]);
+        self.last = (NO_KEY, 0);
     }
 
     /// Adds a point to the cell of its class and place; gives the cell's index, or `None` when all cells are taken.
@@ -99,6 +109,14 @@ impl<const CELLS: usize> ScanCells<CELLS> {
             | (at[0] as u16 as u64) << 32
             | (at[1] as u16 as u64) << 16
             | at[2] as u16 as u64;
+        let index = if key == self.last.0 { self.last.1 } else { self.locate(key, class, at, side_m)? };
+        self.last = (key, index);
+        self.cells.get_mut(index as usize)?.add(p);
+        Some(index)
+    }
+
+    /// The cell with this key, made if it is new.
+    fn locate(&mut self, key: u64, class: SemanticClass, at: [i32; 3], side_m: f32) -> Option<u16> {
         let mask = 2 * CELLS - 1;
         let mut slot = (key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as usize & mask;
         loop {
@@ -118,11 +136,8 @@ impl<const CELLS: usize> ScanCells<CELLS> {
                 self.cells.push(empty).ok()?;
                 *entry = index;
             }
-            let index = *entry;
-            let cell = self.cells.get_mut(index as usize)?;
-            if cell.key == key {
-                cell.add(p);
-                return Some(index);
+            if self.cells.get(*entry as usize)?.key == key {
+                return Some(*entry);
             }
             slot = (slot + 1) & mask;
         }

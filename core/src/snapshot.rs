@@ -2,24 +2,21 @@
 //! [`Odometry::save`](crate::Odometry::save) and [`Odometry::restore`](crate::Odometry::restore).
 //!
 //! All numbers little-endian: [`MAGIC`], [`VERSION`] as u16, the seven capacities of the profile as u32, the bytes of the
-//! content as u32, the content in postcard's encoding, CRC-32C of everything before. What lives only within a scan (cells,
+//! content as u32, the content in postcard's encoding, CRC-32 of everything before. What lives only within a scan (cells,
 //! instances, pairs) is not part of it.
 
 use core::fmt;
 
-use crc::{Crc, Table};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Begins every snapshot.
 pub const MAGIC: [u8; 4] = *b"SDSN";
 /// Version of the content; another one is refused. Raised with every change of the state.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 /// Bytes before the content.
 const HEADER_BYTES: usize = 4 + 2 + 7 * 4 + 4;
 const CHECKSUM_BYTES: usize = 4;
-
-static CHECKSUM: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&crc::CRC_32_ISCSI);
 
 /// Why a snapshot cannot be saved or restored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,7 +85,7 @@ impl<'a> Writer<'a> {
         let numbers = profile.into_iter().chain([content_bytes]).flat_map(u32::to_le_bytes);
         let header = MAGIC.into_iter().chain(VERSION.to_le_bytes()).chain(numbers);
         self.buffer.iter_mut().zip(header).for_each(|(to, from)| *to = from);
-        let checksum = CHECKSUM.checksum(self.buffer.get(..self.used).unwrap_or_default());
+        let checksum = crc32fast::hash(self.buffer.get(..self.used).unwrap_or_default());
         let rest = self.buffer.get_mut(self.used..).unwrap_or_default();
         let place = rest.first_chunk_mut::<CHECKSUM_BYTES>().ok_or(SnapshotError::BufferFull)?;
         *place = checksum.to_le_bytes();
@@ -117,7 +114,7 @@ impl<'a> Reader<'a> {
         let (content, checksum) = rest.split_at_checked(content_bytes).ok_or(SnapshotError::NotASnapshot)?;
         let checksum = checksum.first_chunk().ok_or(SnapshotError::NotASnapshot)?;
         let covered = bytes.get(..HEADER_BYTES + content_bytes).unwrap_or_default();
-        if CHECKSUM.checksum(covered) != u32::from_le_bytes(*checksum) {
+        if crc32fast::hash(covered) != u32::from_le_bytes(*checksum) {
             return Err(SnapshotError::Checksum);
         }
         let found = u16::from_le_bytes(*version);

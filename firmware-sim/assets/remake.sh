@@ -4,6 +4,6 @@ set -euo pipefail
 cd "$(dirname "$0")"
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-sdslam() { cargo run --release --quiet -p sdslam -- "$@"; }
+sdslam() { cargo run --release --quiet --bin sdslam -- "$@"; }
 sdslam simulate --seed 5 --columns 144 --frames 16 --speed 9 --out "$scratch"
 sdslam run --dataset "$scratch" --sequence 80 --no-elevation-correction --out "$scratch/out" --record small.sdr

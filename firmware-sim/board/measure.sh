@@ -3,7 +3,7 @@
 # every board, compared bit for bit. About half an hour on a free core.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
-desk() { cargo run --release --quiet -p sdslam-firmware-sim -- "$@"; }
+desk() { cargo run --release --quiet --bin sdslam-firmware-sim -- "$@"; }
 bash firmware-sim/board/setup.sh
 desk profiles
 desk faults

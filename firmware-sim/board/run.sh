@@ -42,8 +42,8 @@ case " $boards " in
     *" r5 "*) r5_core=$(r5_core "$build") || fail "there is no core library for the Cortex-R5 (see setup.sh --r5)" ;;
 esac
 
-desk() { cargo run --release --quiet -p sdslam-firmware-sim -- "$@"; }
-host() { cargo run --release --quiet -p sdslam -- "$@"; }
+desk() { cargo run --release --quiet --bin sdslam-firmware-sim -- "$@"; }
+host() { cargo run --release --quiet --bin sdslam -- "$@"; }
 
 record() {
     host simulate --seed 6 --frames "$scans" --columns $columns --out "$scratch/drive"

@@ -5,7 +5,7 @@
 //! `sdslam run --record FILE`, or on a drive; `firmware-sim/board/` runs it on emulated ECUs.
 //!
 //! ```sh
-//! cargo run --release -p sdslam-firmware-sim -- --help
+//! cargo run --release --bin sdslam-firmware-sim -- --help
 //! ```
 //!
 //! # Porting to a board

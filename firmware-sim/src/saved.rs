@@ -1,6 +1,6 @@
 //! What outlives a loss of power: what the loop knows of the clocks, and the odometry's snapshot.
 //!
-//! [`MAGIC`], the loop's own state in postcard's encoding and zeros behind it, CRC-32C of these [`CONTENT_BYTES`]; then the
+//! [`MAGIC`], the loop's own state in postcard's encoding and zeros behind it, CRC-32 of these [`CONTENT_BYTES`]; then the
 //! snapshot ([`sdslam_core::snapshot`]), which has a checksum of its own.
 
 use sdslam_core::snapshot::SnapshotError;
@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::any_odometry::AnyOdometry;
 use crate::clock::{ClockState, SensorClock};
-use crate::wire::{CHECKSUM, CHECKSUM_BYTES};
+use crate::wire::CHECKSUM_BYTES;
 
 /// Begins every saved state; the last letter is its version.
-const MAGIC: [u8; 4] = *b"SDV1";
+const MAGIC: [u8; 4] = *b"SDV2";
 /// Magic, and room for the largest [`Head`].
 const CONTENT_BYTES: usize = 4 + 8 + 9 + 14 + 6;
 /// Bytes before the odometry's snapshot: memory for these and for an odometry always suffices for a saved state.
@@ -42,7 +42,7 @@ impl Session {
         *magic = MAGIC;
         let head = Head { clock: self.clock.state(), last_sequence: self.last_sequence };
         postcard::to_slice(&head, state).map_err(|_| SnapshotError::BufferFull)?;
-        *checksum = CHECKSUM.checksum(content).to_le_bytes();
+        *checksum = crc32fast::hash(content).to_le_bytes();
         Ok(SAVED_HEAD_BYTES + odometry.save(rest)?)
     }
 
@@ -52,7 +52,7 @@ impl Session {
             saved.split_first_chunk::<CONTENT_BYTES>().ok_or(SnapshotError::NotASnapshot)?;
         let (checksum, snapshot) = rest.split_first_chunk().ok_or(SnapshotError::NotASnapshot)?;
         let state = content.strip_prefix(&MAGIC).ok_or(SnapshotError::NotASnapshot)?;
-        if CHECKSUM.checksum(content) != u32::from_le_bytes(*checksum) {
+        if crc32fast::hash(content) != u32::from_le_bytes(*checksum) {
             return Err(SnapshotError::Checksum);
         }
         let head: Head = postcard::take_from_bytes(state).map_err(|_| SnapshotError::Content)?.0;

@@ -12,7 +12,7 @@ shared=../shared out=target/benchmarks data=target/data
 [ -d "$shared/tools/peers" ] || { echo "skipped: $shared with data, peers and simulator is not here" >&2; exit 0; }
 mkdir -p "$out"
 [ -x target/peers-venv/bin/python ] || "$shared/tools/peers/setup.sh" target/peers-venv
-cargo build --release -p sdslam
+cargo build --release --bin sdslam
 sdslam=$PWD/target/release/sdslam
 
 # compare DATASET SEQUENCE PEERS OPTIONS_OF_PEERS OPTIONS_OF_OURS

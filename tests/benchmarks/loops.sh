@@ -11,7 +11,7 @@ cd "$(dirname "$0")/../.."
 shared=../shared out=target/benchmarks data=target/data
 
 measure() { # DATASET NN
-    for rule in triangles bow3d; do cargo run --quiet --release -p sdslam --example loops -- "$1" "$2" $rule; done
+    for rule in triangles bow3d; do cargo run --quiet --release --example loops -- "$1" "$2" $rule; done
 }
 
 if [ "${1:-}" = --dataset ]; then

@@ -14,7 +14,7 @@ shared=../shared out=target/benchmarks/segmentation data=target/data python=${PY
 teacher=$shared/models/3dmininet_tiny_semantickitti.onnx
 [ -f "$teacher" ] || { echo "skipped: $shared with data, test network and simulator is not here" >&2; exit 0; }
 mkdir -p "$out"
-cargo build --release -p sdslam
+cargo build --release --bin sdslam
 sdslam() { target/release/sdslam "$@"; }
 
 # The value of a row of a table on standard input.

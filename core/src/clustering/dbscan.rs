@@ -4,10 +4,10 @@
 //! is at most the smaller of their radii; a point is a core point when the weights of its neighbours, itself included,
 //! reach the minimum. Border points join the cluster of their nearest core point.
 
-use heapless::{Vec, VecView};
+use heapless::Vec;
 
+use super::radix::{self, Packing};
 use crate::math::floor_i32;
-use crate::total;
 
 /// Cluster of a point that belongs to none.
 pub const NOISE: u16 = u16::MAX;
@@ -21,12 +21,11 @@ pub struct Point {
     pub radius: f32,
     /// Measurements it stands for.
     pub weight: u32,
-    /// Index that the caller knows it by.
+    /// What the caller knows it by.
     pub id: u16,
     /// Result: cluster, or [`NOISE`].
     pub cluster: u16,
-    /// Place in the search grid, 16 bits each: column x, y, height z of its cube; then where it was before. In the order of a
-    /// search.
+    /// Place in the search grid, 16 bits each: column x, y, height z of its cube, zero. In the order of a search.
     key: u64,
     /// In the first point of a column: first point of the next column in the same bucket.
     next: u16,
@@ -42,6 +41,11 @@ impl Point {
         self.key >> 32
     }
 
+    #[inline]
+    fn cube(&self) -> [u16; 3] {
+        [(self.key >> 48) as u16, (self.key >> 32) as u16, (self.key >> 16) as u16]
+    }
+
     /// A point before clustering.
     pub const fn new(position: [f32; 3], radius: f32, weight: u32, id: u16) -> Self {
         Self { position, radius, weight, id, cluster: NOISE, key: 0, next: NOISE, tree: NOISE, core: false }
@@ -52,10 +56,10 @@ impl Point {
 const BUCKETS: usize = 8192;
 
 /// Memory of the search: a hashed grid of cubes, the order of the points, and the forest that joins core points (both as long
-/// as the points).
+/// as the points; the sort needs both).
 pub struct Scratch<const N: usize> {
     first: [u16; BUCKETS],
-    order: Vec<u64, N>,
+    order: Vec<u16, N>,
     parents: Vec<u16, N>,
 }
 
@@ -63,6 +67,11 @@ impl<const N: usize> Scratch<N> {
     /// Nothing in it.
     pub const fn new() -> Self {
         Self { first: [NOISE; BUCKETS], order: Vec::new(), parents: Vec::new() }
+    }
+
+    /// Room for as many indices as points, free between two clusterings.
+    pub(crate) fn spare(&mut self) -> &mut Vec<u16, N> {
+        &mut self.parents
     }
 }
 
@@ -85,14 +94,16 @@ pub fn cluster<const N: usize>(
     cube_m: f32,
     min_weight: u32,
 ) -> u16 {
-    let grid = Grid::build(points, &mut scratch.first, &mut scratch.order, cube_m);
+    let Scratch { first, order, parents } = scratch;
+    let per_metre = 1.0 / cube_m;
+    sort_by_cube(points, per_metre, order, parents);
+    let grid = Grid::build(points, first, per_metre);
     for i in 0..points.len() {
         let core = grid.is_core(points, i, min_weight);
         if let Some(point) = points.get_mut(i) {
             point.core = core;
         }
     }
-    let parents = &mut scratch.parents;
     parents.clear();
     for i in 0..points.len().min(N) {
         // As many as fit.
@@ -110,24 +121,8 @@ struct Grid<'a> {
 }
 
 impl<'a> Grid<'a> {
-    fn build(
-        points: &mut [Point],
-        first: &'a mut [u16; BUCKETS],
-        order: &mut VecView<u64>,
-        cube_m: f32,
-    ) -> Self {
+    fn build(points: &mut [Point], first: &'a mut [u16; BUCKETS], per_metre: f32) -> Self {
         first.fill(NOISE);
-        let per_metre = 1.0 / cube_m;
-        order.clear();
-        for (i, point) in points.iter_mut().enumerate() {
-            let [x, y, z] = point.position.map(|v| lattice(v, per_metre));
-            point.key = x << 48 | y << 32 | z << 16 | i as u64;
-            // As many as fit.
-            let _ = order.push(point.key);
-        }
-        // The keys alone, and then each point once: a point is five times as long.
-        total::sort_by(order, |a, b| a < b);
-        rearrange(points, order);
         let mut before = None;
         for (i, point) in points.iter_mut().enumerate() {
             let column = point.column();
@@ -196,14 +191,34 @@ impl<'a> Grid<'a> {
     }
 }
 
-/// Moves each point to its place: `order` says in its lowest 16 bits where the point for each place is. Forgets `order`.
-fn rearrange(points: &mut [Point], order: &mut [u64]) {
+/// Sorts the points by column and height of their cubes.
+fn sort_by_cube<const N: usize>(
+    points: &mut [Point],
+    per_metre: f32,
+    order: &mut Vec<u16, N>,
+    spare: &mut Vec<u16, N>,
+) {
+    order.clear();
+    for (i, point) in points.iter_mut().enumerate() {
+        let [x, y, z] = point.position.map(|v| lattice(v, per_metre));
+        point.key = x << 48 | y << 32 | z << 16;
+        // As many as fit.
+        let _ = order.push(i as u16);
+    }
+    let packing = Packing::of(points.iter().map(Point::cube));
+    let key = |i: u16| points.get(i as usize).map_or(0, |point| packing.pack(point.cube()));
+    radix::sort_by_key(order, spare, packing.bits(), key);
+    rearrange(points, order);
+}
+
+/// Moves each point to its place: `order` says where the point for each place is. Forgets `order`.
+fn rearrange(points: &mut [Point], order: &mut [u16]) {
     for start in 0..order.len() {
         let mut place = start;
         // Round the cycle that goes through `start`.
         while let Some(from) = order.get_mut(place) {
-            let source = (*from & 0xFFFF) as usize;
-            *from = place as u64;
+            let source = *from as usize;
+            *from = place as u16;
             if source == start || source == place || source >= points.len() || place >= points.len() {
                 break;
             }

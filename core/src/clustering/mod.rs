@@ -1,3 +1,4 @@
 //! Clustering.
 
 pub mod dbscan;
+pub mod radix;

@@ -19,7 +19,8 @@ pub struct Config {
     pub enabled: bool,
     /// Most iterations.
     pub max_iterations: u32,
-    /// The iteration ends below this step of translation [m]; and of rotation over a lever arm of 20 m.
+    /// The iteration ends behind a step of less translation [m], and of less rotation over a lever arm of 20 m. The next
+    /// would be about a tenth of it.
     pub min_step_m: f32,
     /// Scale of the robust kernel in standard deviations, at the first iteration.
     pub kernel_start: f32,
@@ -44,7 +45,7 @@ impl Config {
     pub const DEFAULT: Self = Self {
         enabled: true,
         max_iterations: 12,
-        min_step_m: 0.001,
+        min_step_m: 0.003,
         kernel_start: 12.0,
         kernel_end: 3.0,
         min_inliers: 150,

@@ -1,11 +1,11 @@
 //! The header of a message.
 
-use super::{CHECKSUM, WireError};
+use super::WireError;
 
 /// Begins every message.
 pub const SYNC: [u8; 4] = [0xD5, b'S', b'D', 0x2A];
 /// Version of the format.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 /// Bytes of a header.
 pub const HEADER_BYTES: usize = 20;
 
@@ -38,8 +38,7 @@ impl Header {
         let [y0, y1, y2, y3] = SYNC;
         let head = [y0, y1, y2, y3, VERSION, self.kind as u8, 0, 0, s0, s1, s2, s3, l0, l1, l2, l3];
         let mut bytes = [0; HEADER_BYTES];
-        for (to, from) in bytes.iter_mut().zip(head.into_iter().chain(CHECKSUM.checksum(&head).to_le_bytes()))
-        {
+        for (to, from) in bytes.iter_mut().zip(head.into_iter().chain(crc32fast::hash(&head).to_le_bytes())) {
             *to = from;
         }
         bytes
@@ -52,7 +51,7 @@ impl Header {
     pub fn from_bytes(bytes: &[u8; HEADER_BYTES]) -> Result<Option<Self>, WireError> {
         let [y0, y1, y2, y3, version, kind, _, _, s0, s1, s2, s3, l0, l1, l2, l3, c0, c1, c2, c3] = *bytes;
         let (head, _) = bytes.split_first_chunk::<16>().unwrap_or((&[0; 16], &[]));
-        if [y0, y1, y2, y3] != SYNC || CHECKSUM.checksum(head) != u32::from_le_bytes([c0, c1, c2, c3]) {
+        if [y0, y1, y2, y3] != SYNC || crc32fast::hash(head) != u32::from_le_bytes([c0, c1, c2, c3]) {
             return Ok(None);
         }
         if version != VERSION {

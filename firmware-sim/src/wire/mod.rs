@@ -10,9 +10,9 @@
 //! | 2 | zero |
 //! | 4 | sequence number, counts messages of a sender |
 //! | 4 | bytes of the content |
-//! | 4 | CRC-32C of the 16 bytes before |
+//! | 4 | CRC-32 of the 16 bytes before |
 //! | n | content |
-//! | 4 | CRC-32C of the content |
+//! | 4 | CRC-32 of the content |
 //!
 //! A scan's content is its stamp \[s\] as f64, the number of points as u32, and [`POINT_BYTES`] for each point: x, y, z
 //! \[m\] as f32, the class, its confidence. Between every two blocks of [`BLOCK_POINTS`] there is the checksum of stamp, number
@@ -27,17 +27,9 @@ mod scan;
 
 use core::fmt;
 
-use crc::{Crc, Table};
-
 pub use answer::{Answer, AnswerRecord, read_answer, write_answer};
 pub use header::{HEADER_BYTES, Header, Kind, SYNC, VERSION};
 pub use scan::{BLOCK_POINTS, POINT_BYTES, Received, ScanReader, scan_bytes, write_scan};
-
-/// One table of 1 KiB. Sixteen take 3 million instructions less a scan, but the linker then sees a panic of the crate `crc`.
-type Tables = Table<1>;
-
-/// Checksum of headers and contents.
-pub(crate) static CHECKSUM: Crc<u32, Tables> = Crc::<u32, Tables>::new(&crc::CRC_32_ISCSI);
 
 /// Bytes of the checksum behind a content.
 pub const CHECKSUM_BYTES: usize = 4;

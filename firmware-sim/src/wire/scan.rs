@@ -1,9 +1,9 @@
 //! Scans: written by a host or a sensor, read in the vehicle as the bytes come in.
 
-use crc::Digest;
+use crc32fast::Hasher;
 use sdslam_core::{LabelledPoint, SemanticClass};
 
-use super::{CHECKSUM, CHECKSUM_BYTES, HEADER_BYTES, Header, Kind, SYNC, Tables, WireError};
+use super::{CHECKSUM_BYTES, HEADER_BYTES, Header, Kind, SYNC, WireError};
 use crate::board::ScanHeader;
 
 /// Bytes of a point.
@@ -39,7 +39,7 @@ pub fn write_scan<E>(
 ) -> Result<(), E> {
     let content_bytes = content_bytes(points.len()) as u32;
     sink(&Header { kind: Kind::Scan, sequence, content_bytes }.to_bytes())?;
-    let mut checksum = CHECKSUM.digest();
+    let mut checksum = Hasher::new();
     for bytes in [&stamp_s.to_le_bytes()[..], &(points.len() as u32).to_le_bytes()] {
         checksum.update(bytes);
         sink(bytes)?;
@@ -98,7 +98,7 @@ pub struct ScanReader {
     next_point: usize,
     /// The point behind the last one of the block at hand.
     block_end: usize,
-    checksum: Digest<'static, u32, Tables>,
+    checksum: Hasher,
     skipped: u32,
 }
 
@@ -113,7 +113,7 @@ impl ScanReader {
             content_bytes: 0,
             next_point: 0,
             block_end: 0,
-            checksum: CHECKSUM.digest(),
+            checksum: Hasher::new(),
             skipped: 0,
         }
     }
@@ -193,7 +193,7 @@ impl ScanReader {
         self.header = ScanHeader { sequence: header.sequence, stamp_s: 0.0, points: 0 };
         self.content_bytes = bytes;
         self.next_point = 0;
-        self.checksum = CHECKSUM.digest();
+        self.checksum = Hasher::new();
         self.state = State::Prefix;
         Ok(())
     }
