@@ -3,8 +3,8 @@
 //!
 //! | capacity | full scan | bytes each | what happens when it is full |
 //! | --- | --- | --- | --- |
-//! | `CELLS` | 32768 | 68 cell and slots, 42 clustering, 16 registration | further points are left out, counted as `over_capacity` |
-//! | `INSTANCES` | 2048 | 44 | further instances are left out, counted as `landmarks_refused` |
+//! | `CELLS` | 32768 | 68 cell and slots, 46 clustering, 16 registration | further points are left out, counted as `over_capacity` |
+//! | `INSTANCES` | 2048 | 22 | further instances are left out, counted as `landmarks_refused` |
 //! | `LANDMARKS` | 384 | 2 x 960, this scan's and the last one's | movable ones come first, then small, then the largest; `landmarks_refused` |
 //! | `TRACKS` | 256 | 808 | a landmark without a track stays undecided; `tracks_refused` |
 //! | `VOXEL_SETS` | 8192 | 8 x 80 | the voxel of the set seen longest ago is replaced; `voxels_evicted` |
