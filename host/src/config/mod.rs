@@ -115,7 +115,7 @@ impl Default for LoopConfig {
         Self {
             enabled: true,
             keyframe_m: 2.0,
-            spacing_m: 4.0,
+            spacing_m: 8.0,
             max_candidates: 2,
             max_correction_m: 2.0,
             min_overlap: 0.5,

@@ -13,7 +13,7 @@ use super::keyframe::{Keyframe, OdometryError};
 use super::nearness::reachable_within;
 use super::proposal::{Proposal, Source};
 use super::table::{self, LoopRow};
-use super::{Place, Refiner, Verdict};
+use super::{PLACE_RANGE_M, Place, Refiner, Verdict};
 use crate::config::{HostConfig, LoopConfig};
 use crate::heap::on_heap;
 use crate::pose_graph::{Edge, EdgeKind, PoseGraph, g2o};
@@ -92,12 +92,15 @@ pub(crate) struct BackEnd {
     last_scan: Vec<LabelledPoint>,
     /// Row of the last proposal that passed and is not in the graph: it waits for another that agrees.
     unconfirmed: Option<(usize, Edge)>,
-    last_loop_m: f64,
+    /// The last loop that went into the graph.
+    last_loop: Option<(usize, Edge)>,
     rows: Vec<LoopRow>,
     /// Features of the completed keyframes.
     features: Vec<Features>,
     /// The row of every loop in the graph.
     row_of_edge: BTreeMap<usize, usize>,
+    /// The keyframes that loops join each keyframe with.
+    loops_at: BTreeMap<usize, Vec<usize>>,
 }
 
 impl BackEnd {
@@ -119,7 +122,8 @@ impl BackEnd {
             refiner: Refiner::new(core)?,
             last_scan: Vec::new(),
             unconfirmed: None,
-            last_loop_m: f64::NEG_INFINITY,
+            last_loop: None,
+            loops_at: BTreeMap::new(),
             rows: Vec::new(),
             features: Vec::new(),
             row_of_edge: BTreeMap::new(),
@@ -189,7 +193,9 @@ impl BackEnd {
         let new = self.keyframes.len() - 1;
         let features = self.extractor.finish(&self.core.loop_closure);
         self.extractor.clear();
-        if last.path_m - self.last_loop_m >= self.config.spacing_m || self.unconfirmed.is_some() {
+        let last_loop_m =
+            self.last_loop.map_or(f64::NEG_INFINITY, |(_, edge)| self.keyframes[edge.to].path_m);
+        if last.path_m - last_loop_m >= self.config.spacing_m || self.unconfirmed.is_some() {
             let candidates = self.detector.query(&features, Some(last.stamp_s));
             let proposals = candidates.iter().map(|candidate| Proposal {
                 old: candidate.place as usize,
@@ -278,12 +284,7 @@ impl BackEnd {
         reachable_within(keyframe, RIGID_WITHIN_M, |k| {
             let before = k.checked_sub(1).map(|other| (other, path_m(k) - path_m(other)));
             let after = (k + 1 < self.keyframes.len()).then(|| (k + 1, path_m(k + 1) - path_m(k)));
-            let loops = self.row_of_edge.keys().map(|&edge| &self.graph.edges()[edge]);
-            let others = loops.filter_map(move |edge| match k {
-                _ if edge.from == k => Some((edge.to, LOOP_LENGTH_M)),
-                _ if edge.to == k => Some((edge.from, LOOP_LENGTH_M)),
-                _ => None,
-            });
+            let others = self.loops_at.get(&k).into_iter().flatten().map(|&other| (other, LOOP_LENGTH_M));
             before.into_iter().chain(after).chain(others).collect::<Vec<_>>()
         })
     }
@@ -304,25 +305,31 @@ impl BackEnd {
         })
     }
 
-    /// The map around an old keyframe, in its frame; what was mapped since the gap began stays out.
-    fn place(&self, old: usize, new: usize) -> Place {
+    /// The map around where the proposal says the new keyframe is, in the frame of that; what was mapped since the gap
+    /// began stays out.
+    fn place(&self, new: usize, proposal: &Proposal) -> Place {
+        let old = proposal.old;
         let rigid = self.rigid_with(old);
         let gap_s = f64::from(self.core.loop_closure.min_gap_s);
         let (keyframes, poses) = (&self.keyframes, self.graph.poses());
         let is_old = |anchor: usize| keyframes[new].stamp_s - keyframes[anchor].stamp_s >= 0.5 * gap_s;
+        let place_from_odometry = (keyframes[old].odometry * proposal.old_from_new).inverse();
         let mut place = Place::default();
-        let old_from_odometry = |anchor: usize| {
+        let place_from_submap = |anchor: usize| {
             let usable = rigid.contains_key(&anchor) && is_old(anchor);
-            usable.then(|| keyframes[old].odometry.inverse() * between(keyframes, poses, old, anchor))
+            usable.then(|| place_from_odometry * between(keyframes, poses, old, anchor))
         };
-        self.map.for_voxels(old_from_odometry, |mean, class, count| place.add(mean, class, count));
+        self.map.for_voxels_near(PLACE_RANGE_M, place_from_submap, |mean, class, count| {
+            place.add(mean, class, count)
+        });
         place
     }
 
     /// Refines and tests a proposal; whether it passed the tests of its own.
     fn try_loop(&mut self, new: usize, proposal: &Proposal) -> Result<bool, RunError> {
-        let place = self.place(proposal.old, new);
-        let refined = self.refiner.refine(&self.last_scan, &place, &proposal.old_from_new);
+        let place = self.place(new, proposal);
+        let refined = self.refiner.refine(&self.last_scan, &place, &MapPose::identity());
+        let old_from_new = proposal.old_from_new * refined.place_from_sensor;
         let against = Verdict::against(&self.config, &refined);
         let row = self.rows.len();
         self.rows.push(LoopRow {
@@ -331,16 +338,18 @@ impl BackEnd {
             source: proposal.source,
             keypoint_inliers: proposal.keypoint_inliers,
             refined,
-            old_from_new: refined.place_from_sensor,
+            old_from_new,
             verdict: against.unwrap_or(Verdict::Unconfirmed),
         });
-        let edge = refined.edge(proposal.old, new);
+        let edge = refined.edge(proposal.old, new, old_from_new);
         let Some(edge) = edge.filter(|_| against.is_none()) else { return Ok(false) };
         let waiting = self.unconfirmed.take();
-        match waiting.filter(|(_, waiting)| agree(&self.keyframes, waiting, &edge)) {
-            Some((earlier, waiting)) => {
-                self.close(&[(earlier, waiting), (row, edge)])?;
-                self.last_loop_m = self.keyframes[new].path_m;
+        let confirms = |(_, earlier): &(usize, Edge)| agree(&self.keyframes, earlier, &edge);
+        let is_accepted = |(row, _): &(usize, Edge)| self.rows[*row].verdict == Verdict::Accepted;
+        match waiting.filter(confirms) {
+            Some(waiting) => self.close(&[waiting, (row, edge)])?,
+            None if self.last_loop.filter(is_accepted).as_ref().is_some_and(confirms) => {
+                self.close(&[(row, edge)])?
             }
             None => self.unconfirmed = Some((row, edge)),
         }
@@ -352,12 +361,15 @@ impl BackEnd {
         for (row, edge) in loops {
             self.row_of_edge.insert(self.graph.edges().len(), *row);
             self.graph.add_edge(*edge)?;
+            self.loops_at.entry(edge.from).or_default().push(edge.to);
+            self.loops_at.entry(edge.to).or_default().push(edge.from);
         }
         self.graph.optimise()?;
         for (&edge, &row) in &self.row_of_edge {
             let believed = self.graph.weights()[edge] > 0.5;
             self.rows[row].verdict = if believed { Verdict::Accepted } else { Verdict::Disbelieved };
         }
+        self.last_loop = loops.last().copied();
         Ok(())
     }
 }

@@ -5,8 +5,8 @@
 //!
 //! A loop is proposed by the features of the place ([`sdslam_core::loop_closure`]) or, where the corrected trajectory
 //! comes near an old place, by position. A proposal is refined by the dense registration against the map of the old
-//! place, tested ([`Verdict`]), and must agree with the next one; then the graph decides whether it can follow
-//! ([`crate::pose_graph`]).
+//! place, tested ([`Verdict`]), and must agree with another one, the next or the last in the graph; then the graph
+//! decides whether it can follow ([`crate::pose_graph`]).
 
 mod agreement;
 mod back_end;

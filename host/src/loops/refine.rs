@@ -17,7 +17,7 @@ use crate::semantic_map::{RangeImage, enters};
 /// Points of the new scan farther than this are not registered \[m\].
 const SOURCE_RANGE_M: f32 = 40.0;
 /// Map around a place that is registered against \[m\].
-pub(crate) const PLACE_RANGE_M: f64 = 55.0;
+pub(crate) const PLACE_RANGE_M: f64 = 50.0;
 /// Edges of the voxels \[m\]: large ones reach farther, small ones are exact.
 const COARSE_M: f32 = 2.0;
 const FINE_M: f32 = 1.0;
@@ -75,12 +75,11 @@ pub(crate) struct Refined {
 
 impl Refined {
     /// What the graph is told: the registration's covariance, and what it does not know added.
-    pub(crate) fn edge(&self, old: usize, new: usize) -> Option<Edge> {
+    pub(crate) fn edge(&self, old: usize, new: usize, from_from_to: MapPose) -> Option<Edge> {
         let (p, r) = (PLACE_M * PLACE_M, PLACE_RAD * PLACE_RAD);
         let unknown = Matrix6::from_diagonal(&Vector6::new(p, p, p, r, r, r));
         let information = (covariance_of(&self.covariance) + unknown).cholesky()?.inverse();
-        let (from_from_to, kind) = (self.place_from_sensor, EdgeKind::Loop);
-        Some(Edge { from: old, to: new, from_from_to, information, kind })
+        Some(Edge { from: old, to: new, from_from_to, information, kind: EdgeKind::Loop })
     }
 }
 

@@ -17,6 +17,9 @@ pub use edge::{Edge, EdgeKind};
 pub use error::GraphError;
 pub use robust::MAX_SQUARED_ERROR;
 
+/// Squared error that is rounding.
+const SETTLED: f64 = 1e-9;
+
 /// Keyframe poses and what is measured between them. The first pose stays where it is.
 ///
 /// Invariants: every edge joins two different keyframes of the graph; weights go with edges, 1 for odometry.
@@ -73,6 +76,15 @@ impl PoseGraph {
     pub fn squared_error(&self, edge: usize) -> f64 {
         let edge = &self.edges[edge];
         edge.squared_error(&self.poses[edge.from], &self.poses[edge.to])
+    }
+
+    /// The poses are those of the last solution, and what came since only carries it on.
+    fn is_settled(&self) -> bool {
+        let odometry = |edge: &usize| self.edges[*edge].kind == EdgeKind::Odometry;
+        let steps = |from: usize| (from..self.edges.len()).filter(odometry);
+        let is_held = steps(0).count() + 1 >= self.poses.len();
+        let off: f64 = steps(self.judged_edges).map(|edge| self.squared_error(edge)).sum();
+        self.judged_edges > 0 && is_held && off < SETTLED
     }
 
     /// Finds the poses that agree best with the edges; loops that disagree with the rest end with a weight of 0.

@@ -56,8 +56,13 @@ impl<'a> Judge<'a> {
             EdgeKind::Loop if index >= graph.judged_edges => 0.0,
             _ => graph.weights[index],
         };
-        let weights = graph.edges.iter().enumerate().map(weight).collect();
-        Self::solved(structure, graph, weights)
+        let weights: Vec<f64> = graph.edges.iter().enumerate().map(weight).collect();
+        if !graph.is_settled() {
+            return Self::solved(structure, graph, weights);
+        }
+        let (edges, poses) = (&graph.edges, graph.poses.clone());
+        let cost = solver::cost(&poses, edges, &weights);
+        Ok(Self { structure, edges, poses, weights, cost })
     }
 
     fn without_loops(structure: &'a Structure, graph: &'a PoseGraph) -> Result<Self, GraphError> {
@@ -72,19 +77,44 @@ impl<'a> Judge<'a> {
         Ok(Self { structure, edges, poses, weights, cost })
     }
 
-    /// Tries the loops one by one.
+    /// Tries the loops one by one; those that agree with the poses as they are wait for a common solution, for no single
+    /// one of them could fail but by tearing another.
     fn consider(&mut self, loops: impl Iterator<Item = usize>) -> Result<(), GraphError> {
+        let mut agreeing = Vec::new();
         for edge in loops {
-            self.weights[edge] = 1.0;
-            let poses = solver::solve(self.structure, self.poses.clone(), self.edges, &self.weights)?;
-            let cost = solver::cost(&poses, self.edges, &self.weights);
-            if cost - self.cost <= MAX_RISE && !self.tears(&poses) {
-                (self.poses, self.cost) = (poses, cost);
-            } else {
-                self.weights[edge] = 0.0;
+            if self.error(&self.poses, edge) <= MAX_SQUARED_ERROR {
+                agreeing.push(edge);
+                continue;
+            }
+            self.believe_all(&mut agreeing)?;
+            self.believe(&[edge])?;
+        }
+        self.believe_all(&mut agreeing)
+    }
+
+    /// Believes loops together, or, where that tears one, as many of them as can be believed one after the other.
+    fn believe_all(&mut self, loops: &mut Vec<usize>) -> Result<(), GraphError> {
+        if !loops.is_empty() && !self.believe(loops)? && loops.len() > 1 {
+            for edge in loops.iter() {
+                self.believe(&[*edge])?;
             }
         }
+        loops.clear();
         Ok(())
+    }
+
+    /// Believes loops if the graph can follow all of them; whether it can.
+    fn believe(&mut self, loops: &[usize]) -> Result<bool, GraphError> {
+        loops.iter().for_each(|&edge| self.weights[edge] = 1.0);
+        let poses = solver::solve(self.structure, self.poses.clone(), self.edges, &self.weights)?;
+        let cost = solver::cost(&poses, self.edges, &self.weights);
+        let follows = cost - self.cost <= MAX_RISE * loops.len() as f64 && !self.tears(&poses);
+        if follows {
+            (self.poses, self.cost) = (poses, cost);
+        } else {
+            loops.iter().for_each(|&edge| self.weights[edge] = 0.0);
+        }
+        Ok(follows)
     }
 
     /// Loops that were not believed, but agree with the poses as they are now, get another chance.

@@ -8,17 +8,16 @@
 
 mod assembled;
 mod range_image;
+mod submap;
 mod voxel;
 
-use std::collections::HashMap;
-
 use nalgebra::Point3;
-use rustc_hash::FxBuildHasher;
 use sdslam_core::{LabelledPoint, MapPose, MotionClass, SemanticClass};
 
 use crate::config::MapConfig;
 pub use assembled::{MapCell, ObstacleGrid, StaticMap};
 pub(crate) use range_image::RangeImage;
+use submap::{Submap, Voxels, column_of};
 pub(crate) use voxel::Voxel;
 
 /// Free space is looked for this far from the sensor \[m\].
@@ -28,38 +27,6 @@ const FREE_SPACE_MARGIN_M: f32 = 0.6;
 
 /// Place of a voxel on the lattice of the odometry frame.
 pub(crate) type Key = [i32; 3];
-type Voxels = HashMap<Key, Voxel, FxBuildHasher>;
-
-/// Part of the map that bends as one piece.
-pub(crate) struct Submap {
-    /// Keyframe that it moves with.
-    pub anchor: usize,
-    voxels: Voxels,
-    /// Smallest and largest key.
-    bounds: [Key; 2],
-}
-
-impl Submap {
-    fn new(anchor: usize) -> Self {
-        Self { anchor, voxels: Voxels::default(), bounds: [[i32::MAX; 3], [i32::MIN; 3]] }
-    }
-
-    fn voxel(&mut self, key: Key) -> &mut Voxel {
-        for axis in 0..3 {
-            self.bounds[0][axis] = self.bounds[0][axis].min(key[axis]);
-            self.bounds[1][axis] = self.bounds[1][axis].max(key[axis]);
-        }
-        self.voxels.entry(key).or_default()
-    }
-
-    /// Some of it lies within `reach` voxels of `key`.
-    fn is_near(&self, key: Key, reach: i32) -> bool {
-        (0..3).all(|i| {
-            key[i] >= self.bounds[0][i].saturating_sub(reach)
-                && key[i] <= self.bounds[1][i].saturating_add(reach)
-        })
-    }
-}
 
 /// The map in the making.
 pub(crate) struct SemanticMap {
@@ -93,13 +60,21 @@ impl SemanticMap {
         let Some(submap) = self.submaps.last_mut() else { return };
         let (edge, scan) = (self.config.voxel_m, self.scans);
         let max_range2 = (self.config.max_range_m * self.config.max_range_m) as f32;
+        // Points that follow each other lie in the same column most of the time.
+        let mut present = None;
         for (point, intensity) in points.iter().zip(intensities) {
             let range2: f32 = point.position.iter().map(|v| v * v).sum();
             // Not-a-number and the zeros of missing returns fail the comparison.
             if enters(point.class) && range2 > 1e-6 && range2 <= max_range2 {
                 let (key, offset) = split(odometry_from_sensor, point.position.map(f64::from), edge);
                 let intensity = if intensity.is_finite() { *intensity } else { 0.0 };
-                submap.voxel(key).add(offset, point.class, intensity, scan);
+                let column = column_of(&key);
+                let voxels = match present.take() {
+                    Some((known, voxels)) if known == column => voxels,
+                    _ => submap.column(column),
+                };
+                voxels.entry(key).or_default().add(offset, point.class, intensity, scan);
+                present = Some((column, voxels));
             }
         }
         self.scans += 1;
@@ -116,12 +91,9 @@ impl SemanticMap {
         let reach = (f64::from(FREE_SPACE_RANGE_M) / edge) as i32;
         for submap in &mut self.submaps {
             let Some(pose) = sensor_pose(submap.anchor) else { continue };
-            let at = pose.translation.vector.map(|v| (v / edge).floor() as i32).into();
-            if !submap.is_near(at, reach) {
-                continue;
-            }
+            let at: Key = pose.translation.vector.map(|v| (v / edge).floor() as i32).into();
             let sensor_from_submap = pose.inverse();
-            for (key, voxel) in &mut submap.voxels {
+            for (key, voxel) in submap.near_mut(at, reach) {
                 if (0..3).any(|i| (key[i] - at[i]).abs() > reach) {
                     continue;
                 }
@@ -144,31 +116,37 @@ impl SemanticMap {
         for older in &mut self.submaps {
             let Some(older_from_ended) = correction(older.anchor) else { continue };
             let unmoved = older_from_ended == MapPose::identity();
-            ended.voxels.retain(|key, voxel| {
+            ended.retain(|key, voxel| {
                 let (target, offset) = match unmoved {
                     true => (*key, voxel.mean_offset()),
                     false => split(&older_from_ended, mean_of(key, voxel, edge).coords.into(), edge),
                 };
-                let Some(known) = older.voxels.get_mut(&target) else { return true };
+                let Some(known) = older.get_mut(&target) else { return true };
                 let mean = voxel.mean_offset();
                 known.merge(voxel, std::array::from_fn(|i| offset[i] - mean[i]));
                 false
             });
         }
+        ended.shrink();
         self.submaps.push(ended);
     }
 
-    /// Calls `visit` with the mean \[m, target frame\], class and number of points of every voxel; `target_from_submap` takes
-    /// places of the odometry frame, as the submap of an anchor has them, to the target frame.
-    pub(crate) fn for_voxels(
+    /// Calls `visit` with the mean \[m, target frame\], class and number of points of every voxel within `reach_m` of the
+    /// target's origin, and of some beyond; `target_from_submap` takes places of the odometry frame, as the submap of an anchor
+    /// has them, to the target frame.
+    pub(crate) fn for_voxels_near(
         &self,
+        reach_m: f64,
         target_from_submap: impl Fn(usize) -> Option<MapPose>,
         mut visit: impl FnMut([f64; 3], SemanticClass, u32),
     ) {
+        let edge = self.config.voxel_m;
+        let reach = (reach_m / edge).ceil() as i32;
         for submap in &self.submaps {
             let Some(transform) = target_from_submap(submap.anchor) else { continue };
-            for (key, voxel) in &submap.voxels {
-                let place = transform * mean_of(key, voxel, self.config.voxel_m);
+            let at = split(&transform.inverse(), [0.0; 3], edge).0;
+            for (key, voxel) in submap.near(at, reach) {
+                let place = transform * mean_of(key, voxel, edge);
                 visit(place.coords.into(), voxel.class().0, voxel.count);
             }
         }
@@ -176,7 +154,7 @@ impl SemanticMap {
 
     /// Voxels in memory.
     pub(crate) fn voxels_in_memory(&self) -> usize {
-        self.submaps.iter().map(|submap| submap.voxels.len()).sum()
+        self.submaps.iter().map(Submap::len).sum()
     }
 
     /// The whole map; `correction` takes the odometry frame of an anchor to the map.
@@ -186,7 +164,7 @@ impl SemanticMap {
         for submap in &self.submaps {
             let map_from_submap = correction(submap.anchor);
             let unmoved = map_from_submap == MapPose::identity();
-            for (key, voxel) in &submap.voxels {
+            for (key, voxel) in submap.iter() {
                 let (target, offset) = match unmoved {
                     true => (*key, voxel.mean_offset()),
                     false => split(&map_from_submap, mean_of(key, voxel, edge).coords.into(), edge),
