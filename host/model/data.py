@@ -107,11 +107,9 @@ def augment(images, random):
     tilt = np.sin(np.linspace(0, np.pi, shape[1], dtype=np.float32) + random.uniform(0, 2 * np.pi))
     heights = heights * np.float32(0.001) + ranges * (np.float32(random.normal(0, 0.005)) * tilt)
     scale = np.float32(random.uniform(0.92, 1.08))
-    noise = np.float32(random.choice([0, 0, 0, 0.005, 0.01, 0.02]))
-    if noise > 0:
-        moved = ranges + noise * normals(shape, random)
-        heights = heights * (moved / np.maximum(ranges, 1))
-        ranges = np.where(ranges > 0, np.maximum(moved, 0.5), 0)
+    moved = ranges + augment_ranges(ranges, classes, random)
+    heights = heights * (moved / np.maximum(ranges, 1))
+    ranges = np.where(ranges > 0, np.maximum(moved, 0.5), 0)
     keep = ranges > 0
     if random.random() < 0.5:
         keep &= random.random(shape, np.float32) > random.choice([0.01, 0.05, 0.2])
@@ -123,9 +121,21 @@ def augment(images, random):
         keep &= random.random((shape[0], 1)) > random.uniform(0, 0.2)
     image = np.zeros((5, *shape), np.float32)
     lifted = scale * heights + np.float32(random.normal(0, 0.06))
-    for channel, values in [(0, scale * ranges), (3, lifted), (4, augment_remission(remission, random))]:
+    for channel, values in [(0, scale * ranges), (3, lifted), (4, augment_remission(remission, classes, random))]:
         image[channel] = (values - MEANS[channel]) * (keep / DEVIATIONS[channel])
     return image, classes * keep
+
+
+def augment_ranges(ranges, classes, random):
+    """What to add to ranges: noise that grows, lasers that measure too far or too near, leaves deeper or less deep."""
+    shape = ranges.shape
+    added = (random.uniform(0, 0.015) + random.choice([0, 0.001, 0.002]) * ranges).astype(np.float32) * normals(shape, random)
+    rows = random.normal(0, random.uniform(0, 0.06), (shape[0], 1))
+    chunks = random.normal(0, random.uniform(0, 0.03), (shape[0], shape[1] // 16)).repeat(16, 1)
+    added[:, : chunks.shape[1]] += (rows + chunks).astype(np.float32)
+    thickness = random.uniform(0, 0.3, (shape[0] // 8, shape[1] // 32)) * random.uniform(0, 1)
+    depth = thickness.repeat(8, 0).repeat(32, 1).astype(np.float32) * np.abs(normals(shape, random))
+    return added + depth * (classes == CLASSES.index("vegetation"))
 
 
 def normals(shape, random):
@@ -133,12 +143,16 @@ def normals(shape, random):
     return random.standard_normal(4096, np.float32)[random.integers(0, 4096, shape, np.uint16)]
 
 
-def augment_remission(hundredths, random):
-    """Other gains, of each row too; more noise; more echoes without a remission, or all of them."""
-    if random.random() < 0.1:
+def augment_remission(hundredths, classes, random):
+    """Other gains, of each row and class too: no class is told by how bright it is in a simulated town.
+
+    More noise; more echoes without a remission, or all of them.
+    """
+    if random.random() < 0.2:
         return np.float32(0)
     curve = (np.arange(256, dtype=np.float32) / 100) ** random.uniform(0.8, 1.25) * random.uniform(0.6, 1.5)
     gains = np.exp(random.normal(0, random.uniform(0, 0.3), (len(hundredths), 1))).astype(np.float32)
+    gains = gains * np.exp(random.normal(0, random.uniform(0, 0.5), len(CLASSES))).astype(np.float32)[classes]
     seen = curve.astype(np.float32)[hundredths] * gains
     seen += np.float32(random.uniform(0, 0.02)) * normals(seen.shape, random)
     lost = random.random(seen.shape, np.float32) < random.choice([0, 0.05, 0.15])

@@ -117,8 +117,8 @@ impl InputScan {
     }
 }
 
-/// Calls `work` on what `prepare` makes of every frame, in order. With more than one thread the others prepare later
-/// frames in turns; the results are the same.
+/// Calls `work` on what `prepare` makes of every frame, in order. With more than one thread, that many prepare later frames
+/// in turns, for the caller's mostly waits for them; the results are the same.
 pub(super) fn in_order<T: Send, E>(
     frames: Range<usize>,
     threads: usize,
@@ -128,7 +128,7 @@ pub(super) fn in_order<T: Send, E>(
     if threads < 2 {
         return frames.map(prepare).try_for_each(work);
     }
-    let workers = (threads - 1).min(frames.len().max(1));
+    let workers = threads.min(frames.len().max(1));
     let prepare = &prepare;
     std::thread::scope(|scope| {
         let start = |worker: usize| {

@@ -122,73 +122,74 @@ impl Voting<'_> {
 
     fn of_window(&self, pixel: usize, range_m: f32) -> PointVote {
         let nearest = self.nearest(pixel, range_m);
-        let channel_of = |pixel: u32| self.pixels.channel[pixel as usize];
-        let voters = || {
-            nearest.sorted().iter().map(|&(_, pixel)| pixel).filter(|&p| self.votes[channel_of(p) as usize])
-        };
-        let count = |channel| voters().filter(|&pixel| channel_of(pixel) == channel).count();
+        let (mut voters, mut count) = ([(0, 0); MAX_NEIGHBOURS], 0);
+        for pixel in nearest.sorted() {
+            let channel = self.pixels.channel[pixel];
+            voters[count] = (channel, pixel);
+            count += usize::from(self.votes[channel as usize]);
+        }
+        let voters = &voters[..count];
+        let votes_for = |channel| voters.iter().filter(|voter| voter.0 == channel).count();
         // Most votes, the lowest channel of equals; of its pixels the most similar one comes first.
-        let most = voters().map(|pixel| (count(channel_of(pixel)), channel_of(pixel)));
-        let most = most.max_by_key(|&(count, channel)| (count, std::cmp::Reverse(channel)));
-        let Some((count, channel)) = most else { return PointVote::NOTHING };
-        let share = count as f32 / voters().count() as f32;
-        let similar = voters().find(|&pixel| channel_of(pixel) == channel);
-        let probability = similar.map_or(0.0, |pixel| self.pixels.probability[pixel as usize]);
-        PointVote { channel, confidence: share * probability }
+        let most = voters.iter().map(|&(channel, _)| (votes_for(channel), std::cmp::Reverse(channel))).max();
+        let Some((votes, std::cmp::Reverse(channel))) = most else { return PointVote::NOTHING };
+        let similar = voters.iter().find(|voter| voter.0 == channel);
+        let probability = similar.map_or(0.0, |&(_, pixel)| self.pixels.probability[pixel]);
+        PointVote { channel, confidence: votes as f32 / count as f32 * probability }
     }
 
-    /// The most similar pixels of the window; the first in row order among equals.
+    /// The most similar pixels of the window.
     fn nearest(&self, pixel: usize, range_m: f32) -> Nearest {
         let (height, width) = (self.image.geometry.height, self.image.geometry.width);
         let (row, column) = (pixel / width, pixel % width);
         let half = self.config.window / 2;
-        let mut nearest = Nearest::up_to(self.config.cutoff_m, self.config.neighbours);
+        let mut nearest = Nearest::up_to(self.config.cutoff_m);
+        // Windows end at the image: they do not go on behind the sensor.
+        let (left, right) = (column.saturating_sub(half), (column + half + 1).min(width));
         for y in row.saturating_sub(half)..(row + half + 1).min(height) {
-            let (left, right) = (column.saturating_sub(half), (column + half + 1).min(width));
-            // Windows end at the image: they do not go on behind the sensor.
             let weights = &self.weights[(y + half - row) * self.config.window + left + half - column..];
             let ranges = &self.image.range_m[y * width + left..y * width + right];
             for (x, (&other_m, &weight)) in ranges.iter().zip(weights).enumerate() {
                 let there = y * width + left + x;
                 let difference_m = if there == pixel { 0.0 } else { (other_m - range_m).abs() * weight };
-                nearest.offer(difference_m, there as u32);
+                nearest.offer(self.config.neighbours, difference_m, there as u32);
             }
         }
         nearest
     }
 }
 
-/// The smallest differences seen so far, in ascending order: some number of them, and none above the cutoff.
+/// Pixels with the smallest differences, in ascending order; of equals, the first in row order.
 struct Nearest {
-    entries: [(f32, u32); MAX_NEIGHBOURS],
-    length: usize,
-    capacity: usize,
-    cutoff_m: f32,
+    /// Difference and pixel in one number, so that both are compared at once.
+    keys: [u64; MAX_NEIGHBOURS],
+    /// What `keys` holds where fewer were seen: none beyond the cutoff is nearer.
+    beyond: u64,
 }
 
 impl Nearest {
-    fn up_to(cutoff_m: f32, capacity: usize) -> Self {
-        Self { entries: [(f32::INFINITY, 0); MAX_NEIGHBOURS], length: 0, capacity, cutoff_m }
+    fn up_to(cutoff_m: f32) -> Self {
+        let beyond = key(cutoff_m, u32::MAX);
+        Self { keys: [beyond; MAX_NEIGHBOURS], beyond }
     }
 
-    fn offer(&mut self, difference_m: f32, pixel: u32) {
-        let full = self.length == self.capacity;
-        // An empty pixel's difference is infinite.
-        if !(difference_m <= self.cutoff_m) || (full && difference_m >= self.entries[self.length - 1].0) {
-            return;
+    /// Keeps the smallest. Without a branch: which pixels are near is nothing that a processor could guess.
+    fn offer(&mut self, neighbours: usize, difference_m: f32, pixel: u32) {
+        let mut key = key(difference_m, pixel);
+        for kept in &mut self.keys[..neighbours] {
+            (*kept, key) = ((*kept).min(key), (*kept).max(key));
         }
-        let mut slot = if full { self.length - 1 } else { self.length };
-        while slot > 0 && difference_m < self.entries[slot - 1].0 {
-            self.entries[slot] = self.entries[slot - 1];
-            slot -= 1;
-        }
-        self.entries[slot] = (difference_m, pixel);
-        self.length += usize::from(!full);
     }
 
-    fn sorted(&self) -> &[(f32, u32)] {
-        &self.entries[..self.length]
+    /// The pixels.
+    fn sorted(&self) -> impl Iterator<Item = usize> + Clone {
+        self.keys.iter().take_while(|&&key| key < self.beyond).map(|&key| key as u32 as usize)
     }
+}
+
+/// Numbers that are not negative are ordered as their bits are.
+fn key(difference_m: f32, pixel: u32) -> u64 {
+    u64::from(difference_m.to_bits()) << 32 | u64::from(pixel)
 }
 
 /// An empty pixel.

@@ -16,8 +16,8 @@ const OTHER_VEHICLE: u16 = 20;
 /// A vehicle as it may stand at a kerb or in a car park.
 pub fn parked(instance: u16, random: &mut Random) -> Vec<Solid> {
     match random.below(20) {
-        0..15 => varied_car(random).solids(CAR, instance),
-        15..17 => van(CAR, instance, random),
+        0..13 => varied_car(random).solids(CAR, instance),
+        13..17 => van(CAR, instance, random),
         17 => bodies::truck(random.between(5.5, 9.0), TRUCK, instance),
         18 => van(TRUCK, instance, random),
         _ => trailer(instance, random),
@@ -61,7 +61,7 @@ pub fn van(label: u16, instance: u16, random: &mut Random) -> Vec<Solid> {
             paint.with(Finish::Glass),
         ),
     ];
-    let sides = if random.chance(0.4) { paint.with(Finish::Glass) } else { paint };
+    let sides = if random.chance(0.3) { paint.with(Finish::Glass) } else { paint };
     solids.push(solid(Hull::cuboid([-l, nose - 1.4], [0.02 - w, w - 0.02], [waist, top - 0.3]), sides));
     for (x, y) in [(0.6, 0.9), (0.6, -0.9), (-0.6, 0.9), (-0.6, -0.9)] {
         solids.push(solid(Hull::wheel(Vec3::new(x * l, y * w, 0.34), 0.34, 0.11), dark));

@@ -187,7 +187,7 @@ fn plant_kerb(site: &mut Site, kerb: &Kerb, random: &mut Random) {
 /// A row of bollards or railings along the kerb.
 fn bollards(site: &mut Site, kerb: &Kerb, from: f32, random: &mut Random) {
     let steel = Surface::matte(80, random.between(0.1, 0.5));
-    let (height, radius) = (random.between(0.6, 1.1), random.between(0.04, 0.1));
+    let (height, radius) = (random.between(0.6, 1.4), random.between(0.04, 0.16));
     let gap = random.between(1.2, 2.5);
     for k in 0..3 + random.below(6) {
         let at = from + gap * k as f32;

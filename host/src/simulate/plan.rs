@@ -314,7 +314,7 @@ fn draw_varied_style(centre: f32, random: &mut Random) -> BlockStyle {
             paved_m: 60.0,
             verge_m: 0.0,
             avenue_trees: random.chance(0.4),
-            purpose: if random.chance(0.85) { Purpose::Houses } else { Purpose::Square },
+            purpose: if random.chance(0.7) { Purpose::Houses } else { Purpose::Square },
         };
     }
     let purpose = match random.below(16) {

@@ -134,8 +134,8 @@ pub fn hedge(from: Vec3, to: Vec3, height_m: f32, free_path_m: f32, random: &mut
 /// A trimmed hedge or a strip of undergrowth: smooth or shaggy, one to many shoots thick.
 pub fn shrubs(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut Random) -> Vec<Solid> {
     let size = random.between(0.18, 0.40).min(0.6 * height_m + 0.1);
-    let free_path_m = random.pick(&[0.02, 0.03, 0.05, 0.12]);
-    let shag_m = random.pick(&[0.03, 0.06, 0.1, 0.2]);
+    let free_path_m = random.pick(&[0.03, 0.06, 0.12, 0.25]);
+    let shag_m = random.pick(&[0.03, 0.08, 0.16, 0.3]);
     let (along, pitch) = (to - from, 1.1 * size);
     let across = Vec3::new(-along.y, along.x, 0.0).try_normalize(1e-6).unwrap_or_default();
     let count = |length: f32| (length / pitch).ceil().max(1.0) as usize;

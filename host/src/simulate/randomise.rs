@@ -37,7 +37,7 @@ fn randomised_sensor(seed: u64, random: &mut Random) -> SensorOptions {
         flaws: Flaws {
             device: seed,
             elevation_deg: random.between(0.0, 0.06),
-            range_bias_m: random.between(0.0, 0.02),
+            range_bias_m: random.between(0.0, 0.06),
             gain: random.between(0.0, 0.3),
             remission: random.between(0.7, 1.3),
             mixed: random.between(0.0, 0.4),
@@ -58,7 +58,7 @@ fn randomised_town(random: &mut Random) -> TownOptions {
         hill_m: random.between(0.0, 6.0),
         bend_m: random.between(0.0, 5.0),
         vegetation: random.pick(&[0.15, 0.3, 0.6, 1.0, 2.0]),
-        parked: random.between(0.02, 0.5),
+        parked: random.between(0.05, 0.8),
         varied: true,
         centre: random.pick(&[0.1, 0.5, 0.8, 0.95, 1.0]),
     }

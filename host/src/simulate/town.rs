@@ -91,7 +91,7 @@ impl Site<'_> {
 
     /// How far a ray gets into low leaves [m]: `usual_m`, or in a varied town anything from trimmed to shaggy.
     pub fn free_path_m(&self, usual_m: f32, random: &mut Random) -> f32 {
-        if self.options.varied { random.pick(&[0.02, 0.03, 0.05, 0.10]) } else { usual_m }
+        if self.options.varied { random.pick(&[0.03, 0.06, 0.12, 0.25]) } else { usual_m }
     }
 
     /// A new instance number. A town that runs out of numbers starts again.

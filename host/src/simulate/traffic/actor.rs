@@ -4,7 +4,9 @@ use nalgebra::Point2;
 
 use crate::simulate::{
     bodies::{self, Car},
+    fleet,
     path::{Path, TimeTable},
+    random::Random,
     scene::Solid,
 };
 
@@ -16,6 +18,8 @@ const MOVING_MPS: f64 = 0.3;
 pub enum Kind {
     /// A car or van.
     Car(Car),
+    /// A delivery van; its shape follows from this number.
+    Van(u64),
     /// A box truck of this length [m].
     Truck(f32),
     /// A cyclist, with the reflectance of the clothes.
@@ -28,7 +32,7 @@ impl Kind {
     /// SemanticKITTI ids when standing and when moving.
     fn labels(&self) -> [u16; 2] {
         match self {
-            Self::Car(_) => [10, 252],
+            Self::Car(_) | Self::Van(_) => [10, 252],
             Self::Truck(_) => [18, 258],
             Self::Cyclist(_) => [31, 253],
             Self::Person(..) => [30, 254],
@@ -39,6 +43,7 @@ impl Kind {
     pub fn feet_m(&self) -> [f64; 2] {
         match self {
             Self::Car(_) => [1.3, 0.75],
+            Self::Van(_) => [1.7, 0.85],
             Self::Truck(length) => [0.35 * f64::from(*length), 0.95],
             Self::Cyclist(_) => [0.5, 0.1],
             // Someone who walks uphill stays upright: the pose's slope is that of a wide base.
@@ -50,6 +55,7 @@ impl Kind {
     pub fn sphere(&self) -> (f32, f32) {
         match self {
             Self::Car(car) => (0.8, 0.5 * car.size_m[0] + 0.8),
+            Self::Van(_) => (1.3, 3.9),
             Self::Truck(length) => (1.6, 0.5 * length + 1.6),
             Self::Cyclist(_) => (0.9, 1.4),
             Self::Person(height, _) => (0.5 * height, 0.5 * height + 0.4),
@@ -60,6 +66,7 @@ impl Kind {
     pub fn discs(&self) -> (Vec<f64>, f64) {
         match self {
             Self::Car(_) => (vec![-1.55, 0.0, 1.55], 1.0),
+            Self::Van(_) => (vec![-2.4, -1.2, 0.0, 1.2, 2.4], 1.2),
             Self::Truck(length) => {
                 let half = 0.5 * f64::from(*length) - 1.0;
                 (vec![-half, -0.5 * half, 0.0, 0.5 * half, half], 1.25)
@@ -175,6 +182,7 @@ impl Actor {
         let swing = if state.is_moving() { 0.55 } else { 0.0 };
         match &self.kind {
             Kind::Car(car) => car.solids(label, self.instance),
+            Kind::Van(shape) => fleet::van(label, self.instance, &mut Random::hashed(*shape)),
             Kind::Truck(length) => bodies::truck(*length, label, self.instance),
             Kind::Cyclist(cloth) => bodies::cyclist((state.way_m / 0.8) as f32, *cloth, label, self.instance),
             Kind::Person(height, cloth) => {

@@ -79,8 +79,9 @@ fn offer_route(
     random: &mut Random,
 ) {
     let Some(path) = lane(&cast.town.plan, nodes, f64::from(LANE_M)) else { return };
+    let trucks = if cast.town.varied { 0.12 } else { 0.05 };
     let kind =
-        if random.chance(0.05) { Kind::Truck(random.between(5.5, 8.0)) } else { draw_car(cast, random) };
+        if random.chance(trucks) { Kind::Truck(random.between(5.5, 8.0)) } else { draw_car(cast, random) };
     let cruise = f64::from(random.between(6.5, 11.0));
     let free = TimeTable::new(&path, &pace(cruise), None);
     let meeting_s = time_at(cast, &path, &free, meeting);
@@ -94,7 +95,12 @@ fn offer_route(
 }
 
 fn draw_car(cast: &Casting, random: &mut Random) -> Kind {
-    Kind::Car(if cast.town.varied { fleet::varied_car(random) } else { Car::draw(random) })
+    match cast.town.varied {
+        false => Kind::Car(Car::draw(random)),
+        // What passes close by fills much of a scan: vans must not be rare.
+        true if random.chance(0.3) => Kind::Van(random.below(1 << 30) as u64),
+        true => Kind::Car(fleet::varied_car(random)),
+    }
 }
 
 fn pace(cruise_mps: f64) -> Pace {
