@@ -102,10 +102,12 @@ def augment(images, random):
     """
     ranges, heights, remission, classes = images
     shape = ranges.shape
-    ranges = ranges * np.float32(0.002)
+    ranges, heights = ranges * np.float32(0.002), heights * np.float32(0.001)
+    if random.random() < 0.25:
+        ranges, heights, remission, classes = pass_van(ranges, heights, remission, classes, random)
     # A mount that is not quite level looks as a slope across the image.
     tilt = np.sin(np.linspace(0, np.pi, shape[1], dtype=np.float32) + random.uniform(0, 2 * np.pi))
-    heights = heights * np.float32(0.001) + ranges * (np.float32(random.normal(0, 0.005)) * tilt)
+    heights = heights + ranges * (np.float32(random.normal(0, 0.005)) * tilt)
     scale = np.float32(random.uniform(0.92, 1.08))
     moved = ranges + augment_ranges(ranges, classes, random)
     heights = heights * (moved / np.maximum(ranges, 1))
@@ -124,6 +126,33 @@ def augment(images, random):
     for channel, values in [(0, scale * ranges), (3, lifted), (4, augment_remission(remission, classes, random))]:
         image[channel] = (values - MEANS[channel]) * (keep / DEVIATIONS[channel])
     return image, classes * keep
+
+
+def pass_van(ranges, heights, remission, classes, random):
+    """Puts the bare side of a van into a scan, an arm's length away: it fills the view, with neither wheels nor roof in it."""
+    rows, columns = ranges.shape
+    pitch = np.radians(FOV_UP_DEG + (FOV_DOWN_DEG - FOV_UP_DEG) * (np.arange(rows)[:, None] + 0.5) / rows)
+    step = np.pi / columns  # Training images are half a turn.
+    azimuth = (np.arange(columns)[None] - random.uniform(0.1, 0.9) * columns) * step
+    facing = np.cos(azimuth).clip(0.02)
+    away = random.uniform(1.8, 3.6)
+    side = away / (np.cos(pitch) * facing)
+    along, up = away * np.sin(azimuth) / facing, side * np.sin(pitch)
+    length, shift = random.uniform(4, 7), random.uniform(-1, 1)
+    from_nose = (0.5 + 0.5 * shift) * length - along
+    top, waist = random.uniform(-0.1, 1.5), random.uniform(-0.7, -0.4)
+    low = random.uniform(0.6, 1.6)  # How far the bonnet goes.
+    roof = np.where(from_nose < low, waist + 0.2, waist + (top - waist) * ((from_nose - low) / 0.8).clip(0, 1))
+    inside = (from_nose > 0) & (from_nose < length) & (up > random.uniform(-1.5, -1.1)) & (up < roof)
+    glass = (from_nose > low + 0.3) & (from_nose < low + 1.3) & (up > waist) & (up < top - 0.2)
+    # Rows without a laser, and what the own vehicle hides, stay empty.
+    lit = ((ranges > 0).mean(1, keepdims=True) > 0.3) & ((ranges > 0) | (pitch > -0.2))
+    seen = inside & lit & ((ranges == 0) | (side < ranges))
+    paint = random.uniform(0.02, 0.6) * (0.6 + 0.4 * facing)
+    gone = seen & glass & (random.random(rows)[:, None] < 0.7)
+    put = lambda new, old: np.where(gone, 0, np.where(seen, new, old)).astype(old.dtype)
+    label = random.choice([CLASSES.index("car"), CLASSES.index("car"), CLASSES.index("truck")])
+    return put(side, ranges), put(up, heights), put(100 * paint, remission), put(label, classes)
 
 
 def augment_ranges(ranges, classes, random):
