@@ -19,6 +19,7 @@ pub use assembled::{MapCell, ObstacleGrid, StaticMap};
 pub(crate) use range_image::RangeImage;
 use submap::{Submap, Voxels, column_of};
 pub(crate) use voxel::Voxel;
+use voxel::part;
 
 /// Free space is looked for this far from the sensor \[m\].
 const FREE_SPACE_RANGE_M: f32 = 25.0;
@@ -73,7 +74,8 @@ impl SemanticMap {
                     Some((known, voxels)) if known == column => voxels,
                     _ => submap.column(column),
                 };
-                voxels.entry(key).or_default().add(offset, point.class, intensity, scan);
+                let part = part(offset, edge as f32);
+                voxels.entry(key).or_default().add(offset, part, point.class, intensity, scan);
                 present = Some((column, voxels));
             }
         }
@@ -122,8 +124,8 @@ impl SemanticMap {
                     false => split(&older_from_ended, mean_of(key, voxel, edge).coords.into(), edge),
                 };
                 let Some(known) = older.get_mut(&target) else { return true };
-                let mean = voxel.mean_offset();
-                known.merge(voxel, std::array::from_fn(|i| offset[i] - mean[i]));
+                let parts = if unmoved { voxel.parts } else { 1 << part(offset, edge as f32) };
+                known.merge(&Voxel { parts, ..voxel.share(1, 1, 0, offset) });
                 false
             });
         }
@@ -159,18 +161,18 @@ impl SemanticMap {
 
     /// The whole map; `correction` takes the odometry frame of an anchor to the map.
     pub(crate) fn assemble(&self, correction: impl Fn(usize) -> MapPose) -> StaticMap {
-        let edge = self.config.voxel_m;
         let mut all = Voxels::default();
         for submap in &self.submaps {
             let map_from_submap = correction(submap.anchor);
             let unmoved = map_from_submap == MapPose::identity();
             for (key, voxel) in submap.iter() {
-                let (target, offset) = match unmoved {
-                    true => (*key, voxel.mean_offset()),
-                    false => split(&map_from_submap, mean_of(key, voxel, edge).coords.into(), edge),
-                };
-                let mean = voxel.mean_offset();
-                all.entry(target).or_default().merge(voxel, std::array::from_fn(|i| offset[i] - mean[i]));
+                if unmoved {
+                    all.entry(*key).or_default().merge(voxel);
+                    continue;
+                }
+                for (target, part) in moved(key, voxel, &map_from_submap, &self.config) {
+                    all.entry(target).or_default().merge(&part);
+                }
             }
         }
         StaticMap::of(&self.config, all.iter())
@@ -188,6 +190,28 @@ fn split(pose: &MapPose, point: [f64; 3], edge: f64) -> (Key, [f32; 3]) {
     let corner = at.map(|v| (v / edge).floor());
     let offset = std::array::from_fn(|i| (at[i] - corner[i] * edge) as f32);
     (corner.map(|v| v as i32), offset)
+}
+
+/// The voxels in which the parts of a moved voxel lie, and what falls to each: its mean alone would leave holes where the
+/// lattice turns.
+fn moved(key: &Key, voxel: &Voxel, pose: &MapPose, config: &MapConfig) -> Vec<(Key, Voxel)> {
+    let edge = config.voxel_m;
+    let mut targets: Vec<(Key, [f32; 3], u32)> = Vec::with_capacity(8);
+    for offset in voxel.places(edge as f32) {
+        let place = std::array::from_fn(|i| f64::from(key[i]) * edge + f64::from(offset[i]));
+        let (target, offset) = split(pose, place, edge);
+        match targets.iter_mut().find(|(known, ..)| *known == target) {
+            Some((_, sum, parts)) => {
+                (0..3).for_each(|i| sum[i] += offset[i]);
+                *parts += 1;
+            }
+            None => targets.push((target, offset, 1)),
+        }
+    }
+    let of = voxel.parts.count_ones();
+    let share =
+        |sum: [f32; 3], parts: u32| voxel.share(parts, of, config.min_points, sum.map(|v| v / parts as f32));
+    targets.into_iter().map(|(target, sum, parts)| (target, share(sum, parts))).collect()
 }
 
 /// Mean of the points of a voxel \[m\].

@@ -152,6 +152,32 @@ fn the_map_bends_with_its_keyframes() {
 }
 
 #[test]
+fn a_turned_lattice_leaves_no_holes() {
+    let mut map = SemanticMap::new(config());
+    // A wall, rough by 8 cm.
+    let points: Vec<[f32; 3]> = (0..10_000)
+        .map(|k| [5.0 + 0.05 * (k % 200) as f32, 0.02 * (k % 5) as f32, 0.06 * (k / 200) as f32])
+        .collect();
+    let scan = points_of(&points.iter().map(|p| (*p, SemanticClass::Building)).collect::<Vec<_>>());
+    map.begin_submap(0);
+    map.add_scan(&scan, &vec![0.0; scan.len()], &MapPose::identity());
+    let turn = nalgebra::UnitQuaternion::from_euler_angles(0.02, -0.03, 0.4);
+    let pose = MapPose::from_parts([3.07, -1.31, 0.53].into(), turn);
+    let turned = map.assemble(|_| pose);
+    let edge = turned.voxel_m();
+    let key_of = |p: [f64; 3]| p.map(|v| (v / edge).floor() as i32);
+    let kept: std::collections::HashSet<Key> =
+        turned.cells().iter().map(|cell| key_of(cell.position.map(f64::from))).collect();
+    let is_kept =
+        |p: &&[f32; 3]| kept.contains(&key_of((pose * Point3::from(p.map(f64::from))).coords.into()));
+    let found = points.iter().filter(is_kept).count();
+    assert!(found * 100 >= 95 * points.len(), "{found} of {} points have a cell", points.len());
+    let upright = map.assemble(|_| MapPose::identity());
+    let size = |map: &StaticMap| map.cells().len();
+    assert!(size(&turned) < 2 * size(&upright), "{} cells, {} before", size(&turned), size(&upright));
+}
+
+#[test]
 fn the_grid_tells_walls_from_road() {
     let mut map = SemanticMap::new(config());
     drive(&mut map, &[], false);
