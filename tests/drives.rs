@@ -271,7 +271,7 @@ fn the_papers_method_alone_survives_a_long_drive() {
     let estimates = drive.run(&mut full_scan(Config::paper()));
     assert!(estimates[1..].iter().all(is_registered));
     let (off_m, off_deg) = largest_difference(&poses(&estimates), &drive.truth());
-    assert!(off_m < 5.0 && off_deg < 1.5, "{off_m} m, {off_deg} deg off");
+    assert!(off_m < 5.0 && off_deg < 0.5, "{off_m} m, {off_deg} deg off");
     let (step_m, _) = largest_step_error(&poses(&estimates), &drive.truth());
     assert!(step_m < 0.5, "{step_m} m in a frame");
 }

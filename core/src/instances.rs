@@ -21,8 +21,8 @@ use crate::scan_cells::{Cell, ScanCells};
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct ClassConfig {
-    /// Radius of the neighbourhood, near the sensor [m]. Long things come in blocks, twice as large as their cells: less than
-    /// one and a half blocks would tear them apart.
+    /// Radius of the neighbourhood, near the sensor [m]. Blocks are twice as large as their cells: less than one and a
+    /// half blocks would tear long things apart.
     pub radius_m: f32,
     /// Points that make a core point.
     pub min_points: u32,
@@ -40,6 +40,8 @@ pub struct Config {
     pub radius_per_range: f32,
     /// Cluster easily confused movable classes together.
     pub families: bool,
+    /// Cluster long things in blocks of 2 x 2 x 2 cells.
+    pub blocks: bool,
     /// Trunks, poles, signs, other objects.
     pub small: ClassConfig,
     /// Persons, bicyclists, motorcyclists.
@@ -67,6 +69,7 @@ impl Config {
     pub const DEFAULT: Self = Self {
         radius_per_range: 0.02,
         families: true,
+        blocks: true,
         small: class(0.4, 4, 8, 0.0),
         person: class(0.5, 4, 8, 0.0),
         two_wheeler: class(0.5, 5, 10, 0.0),
@@ -78,7 +81,13 @@ impl Config {
     };
 
     /// Nothing but the paper: one class, one clustering.
-    pub const PAPER: Self = Self { families: false, ..Self::DEFAULT };
+    pub const PAPER: Self = Self {
+        families: false,
+        blocks: false,
+        fence: class(0.8, 8, 30, 5.0),
+        vegetation: class(0.8, 12, 40, 4.0),
+        ..Self::DEFAULT
+    };
 
     /// The parameters of a class.
     pub const fn of(&self, class: SemanticClass) -> &ClassConfig {
@@ -296,7 +305,7 @@ fn together<'a>(config: &Config, ids: &'a [u16], cells: &[Cell]) -> &'a [u16] {
 
 /// Where the cell of a long thing lies; `None` for other things.
 fn block(config: &Config, cell: &Cell) -> Option<[u16; 3]> {
-    (config.of(cell.class).tile_m > 0.0).then(|| cell.block())
+    (config.blocks && config.of(cell.class).tile_m > 0.0).then(|| cell.block())
 }
 
 /// Cells as one member; `None` when there are none or they are not of the family.

@@ -45,23 +45,22 @@ impl Group {
     }
 }
 
-/// What a voxel knows about a surface. What a search reads comes first, so that it is one cache line more often than two.
+/// What a voxel knows about a surface.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "snapshot", derive(serde::Serialize, serde::Deserialize))]
-#[repr(C)]
 pub struct Voxel {
-    /// Path driven [m] when last seen.
-    seen_at_m: f32,
     /// Mean of the points [m], relative to the centre of the voxel.
     mean: [f32; 3],
-    /// Directions in which the surface fixes a position, each divided by its standard deviation [1/m]; zero where none is.
-    across: [[f32; 3]; 2],
     /// Covariance xx, xy, xz, yy, yz, zz [m2].
     covariance: [f32; 6],
     /// Weight of the points so far, bounded by `max_weight`.
     weight: f32,
     /// Weight when `across` was computed.
     weight_at_shape: f32,
+    /// Path driven [m] when last seen.
+    seen_at_m: f32,
+    /// Directions in which the surface fixes a position, each divided by its standard deviation [1/m]; zero where none is.
+    across: [[f32; 3]; 2],
 }
 
 impl Voxel {
