@@ -24,6 +24,39 @@ pub fn parked(instance: u16, random: &mut Random) -> Vec<Solid> {
     }
 }
 
+/// A vehicle that is taller than the sensor sees: what is left in the image is a wall with windows.
+pub fn tall(instance: u16, random: &mut Random) -> Vec<Solid> {
+    match random.below(5) {
+        0 | 1 => van(CAR, instance, random),
+        2 => van(TRUCK, instance, random),
+        3 => bodies::truck(random.between(5.5, 9.0), TRUCK, instance),
+        _ => bus(instance, random),
+    }
+}
+
+/// A bus or a coach.
+fn bus(instance: u16, random: &mut Random) -> Vec<Solid> {
+    let reflectance = random.between(0.05, 0.6);
+    let paint = Surface { label: OTHER_VEHICLE, instance, reflectance, finish: Finish::Matte };
+    let (l, w) = (0.5 * random.between(6.5, 12.5), 0.5 * random.between(2.2, 2.55));
+    let (sill, lintel, top) =
+        (random.between(0.9, 1.6), random.between(2.0, 2.5), random.between(2.7, 3.4));
+    let mut solids = vec![
+        solid(Hull::cuboid([-l, l], [-w, w], [0.3, sill]), paint),
+        solid(Hull::cuboid([0.05 - l, l - 0.05], [0.05 - w, w - 0.05], [sill, lintel]), paint.with(Finish::Glass)),
+        solid(Hull::cuboid([-l, l], [-w, w], [lintel, top]), paint),
+    ];
+    let pillars = 3 + random.below(6);
+    for k in 0..=pillars {
+        let x = (l - 0.1) * (2.0 * k as f32 / pillars as f32 - 1.0);
+        solids.push(solid(Hull::cuboid([x - 0.08, x + 0.08], [-w, w], [sill, lintel]), paint));
+    }
+    for (x, y) in [(0.6, 0.9), (0.6, -0.9), (-0.5, 0.9), (-0.5, -0.9)] {
+        solids.push(solid(Hull::wheel(Vec3::new(x * l, y * w, 0.5), 0.5, 0.15), paint));
+    }
+    solids
+}
+
 /// A car whose proportions and paint spread wider than those of [`Car::draw`].
 pub fn varied_car(random: &mut Random) -> Car {
     let mut car = Car::draw(random);
@@ -118,10 +151,14 @@ mod tests {
         let mut random = Random::keyed(3, Domain::Kerb, &[]);
         let mut labels = std::collections::BTreeSet::new();
         for k in 0..200 {
-            let body = if k % 10 == 0 { motorcycle(7, &mut random) } else { parked(7, &mut random) };
+            let body = match k % 10 {
+                0 => motorcycle(7, &mut random),
+                1 => tall(7, &mut random),
+                _ => parked(7, &mut random),
+            };
             let low = body.iter().map(|s| s.shape.bounds().0.z).fold(f32::MAX, f32::min);
             let high = body.iter().map(|s| s.shape.bounds().1.z).fold(f32::MIN, f32::max);
-            assert!(low.abs() < 0.06 && (0.85..3.4).contains(&high), "{low} {high}");
+            assert!(low.abs() < 0.06 && (0.85..3.5).contains(&high), "{low} {high}");
             let label = body[0].surface.label;
             assert!(body.iter().all(|s| s.surface.label == label && s.surface.instance == 7));
             labels.insert(label);

@@ -182,9 +182,10 @@ impl Ground {
         }))
     }
 
+    /// Sidewalks, and the strips inside them.
     fn is_paved(&self, p: Point2<f32>, place: &Place) -> bool {
         let inside = place.outside_m - place.street.sidewalk_m;
-        self.plan.block_at(p).is_some_and(|block| inside < self.plan.style(block).paved_m)
+        inside < self.plan.block_at(p).map_or(0.0, |block| self.plan.style(block).paved_m)
     }
 
     fn cover(&self, p: Point2<f32>, place: &Place) -> Cover {
@@ -193,8 +194,7 @@ impl Ground {
         }
         let verge_m = self.plan.block_at(p).map_or(0.0, |block| self.plan.style(block).verge_m);
         let on_verge = (0.2..verge_m).contains(&place.outside_m) && place.from_crossing_m > 6.0;
-        let on_sidewalk = place.outside_m < place.street.sidewalk_m && !on_verge;
-        if on_sidewalk || self.is_paved(p, place) { SIDEWALK } else { TERRAIN }
+        if self.is_paved(p, place) && !on_verge { SIDEWALK } else { TERRAIN }
     }
 
     /// Tufts and unevenness of grass [m]: value noise of two sizes.

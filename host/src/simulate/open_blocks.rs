@@ -63,7 +63,11 @@ fn fill_square(site: &mut Site, yard: &Yard, random: &mut Random) {
 /// Puts one thing that stands about in open places.
 pub fn furnish_place(site: &mut Site, at: Point2<f64>, random: &mut Random) {
     let facing = any_direction(random);
-    match random.below(21) {
+    match random.below(22) {
+        21 => {
+            let body = fleet::tall(site.instance(), random);
+            site.park(&body, at, facing, [1.3, 0.75]);
+        }
         20 => site.stand(&clutter::kiosk(random), at, facing),
         0..7 => gather(site, at, random),
         7..9 => site.stand(&clutter::object(random), at, facing),

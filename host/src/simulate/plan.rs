@@ -317,11 +317,11 @@ fn draw_varied_style(centre: f32, random: &mut Random) -> BlockStyle {
             purpose: if random.chance(0.7) { Purpose::Houses } else { Purpose::Square },
         };
     }
-    let purpose = match random.below(16) {
-        0..10 => Purpose::Houses,
-        10 => Purpose::Park,
-        11..14 => Purpose::Square,
-        14 => Purpose::CarPark,
+    let purpose = match random.below(18) {
+        0..9 => Purpose::Houses,
+        9..12 => Purpose::Park,
+        12..15 => Purpose::Square,
+        15 => Purpose::CarPark,
         _ => Purpose::Thicket,
     };
     let setback_m = random.pick(&[0.1, 0.3, 1.5, 3.0, 4.5, 7.0]) + random.between(0.0, 1.5);
@@ -333,7 +333,7 @@ fn draw_varied_style(centre: f32, random: &mut Random) -> BlockStyle {
     BlockStyle {
         setback_m,
         paved_m,
-        verge_m: random.pick(&[0.0, 0.0, 0.95, 1.2]),
+        verge_m: random.pick(&[0.0, 0.95, 1.2, 8.0, 8.0]),
         purpose,
         storeys: random.pick(&[1.0, 2.0, 2.5, 3.0, 4.0, 5.0]),
         gap_m: random.pick(&[0.2, 0.3, 2.0, 4.0, 7.0]),

@@ -60,7 +60,7 @@ fn randomised_town(random: &mut Random) -> TownOptions {
         vegetation: random.pick(&[0.15, 0.3, 0.6, 1.0, 2.0]),
         parked: random.between(0.05, 0.8),
         varied: true,
-        centre: random.pick(&[0.1, 0.5, 0.8, 0.95, 1.0]),
+        centre: random.pick(&[0.0, 0.0, 0.1, 0.5, 0.8, 0.95, 1.0]),
     }
 }
 
