@@ -44,6 +44,9 @@ deviations = [{numbers(DEVIATIONS)}]
 kind = "logits"
 # SemanticKITTI's raw id of each class, in the network's order.
 classes = {[ids[0] for ids in RAW_IDS]}
+
+[objects]
+link_m = 0.3
 """
 
 

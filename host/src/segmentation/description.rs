@@ -8,6 +8,7 @@ use serde::Deserialize;
 use super::SegmentationError;
 use super::error::DescriptionFault;
 use super::knn::KnnConfig;
+use super::objects::ObjectsConfig;
 use crate::dataset::labels;
 
 /// Channels of the image: range, x, y, z \[m\], remission (0..1).
@@ -23,6 +24,8 @@ pub struct ModelDescription {
     pub normalise: Normalisation,
     /// What the output tensor says.
     pub output: OutputMeaning,
+    /// How the pixels of an object agree.
+    pub objects: ObjectsConfig,
     /// How classes of pixels become classes of points.
     pub knn: KnnConfig,
 }
@@ -146,7 +149,7 @@ impl ModelDescription {
         if !(1..=64).contains(&self.output.classes.len()) {
             return fault("output.classes", "1 to 64 names, one for every output channel");
         }
-        self.knn.fault()
+        self.objects.fault().or_else(|| self.knn.fault())
     }
 }
 

@@ -1,7 +1,7 @@
 //! Semantic segmentation of raw scans (section 3.1.1): a network of RangeNet++'s kind on the range image.
 //!
-//! [`Segmenter::segment`] is projection ([`projection`]), network ([`network`]), classes of the pixels ([`pixels`]) and
-//! their way back to the points ([`knn`]). A network is an ONNX file and a [`ModelDescription`] beside it:
+//! [`Segmenter::segment`] is projection ([`projection`]), network ([`network`]), classes of the pixels ([`pixels`]), if
+//! asked for those of whole objects ([`objects`]), and the way back to the points ([`knn`]). A network is an ONNX file and a [`ModelDescription`] beside it:
 //!
 //! | key of `model.toml` | default (RangeNet++) | meaning |
 //! | --- | --- | --- |
@@ -12,6 +12,9 @@
 //! | `output.classes` | 20 classes | raw SemanticKITTI id of every output channel; several may share one |
 //! | `knn.neighbours`, `knn.window` | 5, 5 | voters, and side of the window they are taken from |
 //! | `knn.sigma`, `knn.cutoff_m` | 1, 1 | weights of the window, largest difference of range |
+//! | `objects.link_m` | 0 (off) | pixels nearer than this are one object, and agree ([`objects`]) |
+//! | `objects.vehicle_m`, `objects.small_m` | 12, 1.2 | longest vehicle; longest object that follows its majority |
+//! | `objects.min_pixels` | 10 | fewest pixels of an object |
 //!
 //! The same scan gives the same classes on any number of threads. Another CPU may round a network's sums differently.
 
@@ -19,6 +22,7 @@ pub mod description;
 mod error;
 pub mod knn;
 pub mod network;
+pub mod objects;
 pub mod picture;
 pub mod pixels;
 pub mod projection;
@@ -128,14 +132,21 @@ impl Segmenter {
         let projection_ms = milliseconds(&clock);
         let output = self.network.run(&tensor)?;
         let network_ms = milliseconds(&clock) - projection_ms;
-        let (classes, confidences) = self.classes_of_points(&output, &image);
+        let (classes, confidences) = self.classes_of_points(&output, points, &image);
         let knn_ms = milliseconds(&clock) - projection_ms - network_ms;
         let times = SegmentationTimes { projection_ms, network_ms, knn_ms };
         Ok(Segmentation { classes, confidences, image, times })
     }
 
-    fn classes_of_points(&self, output: &[f32], image: &RangeImage) -> (Vec<SemanticClass>, Vec<u8>) {
-        let pixels = PixelClasses::of(output, self.description.output.kind, image.point.len());
+    fn classes_of_points(
+        &self,
+        output: &[f32],
+        points: &[[f32; 4]],
+        image: &RangeImage,
+    ) -> (Vec<SemanticClass>, Vec<u8>) {
+        let mut pixels = PixelClasses::of(output, self.description.output.kind, image.point.len());
+        let ModelDescription { objects, output, .. } = &self.description;
+        objects::unify(objects, points, image, &output.classes, &mut pixels);
         let votes = knn::vote(&self.description.knn, image, &pixels, &self.votes);
         let class = |vote: &knn::PointVote| {
             let class = self.description.output.classes.get(vote.channel as usize);

@@ -39,11 +39,13 @@ fn bus(instance: u16, random: &mut Random) -> Vec<Solid> {
     let reflectance = random.between(0.05, 0.6);
     let paint = Surface { label: OTHER_VEHICLE, instance, reflectance, finish: Finish::Matte };
     let (l, w) = (0.5 * random.between(6.5, 12.5), 0.5 * random.between(2.2, 2.55));
-    let (sill, lintel, top) =
-        (random.between(0.9, 1.6), random.between(2.0, 2.5), random.between(2.7, 3.4));
+    let (sill, lintel, top) = (random.between(0.9, 1.6), random.between(2.0, 2.5), random.between(2.7, 3.4));
     let mut solids = vec![
         solid(Hull::cuboid([-l, l], [-w, w], [0.3, sill]), paint),
-        solid(Hull::cuboid([0.05 - l, l - 0.05], [0.05 - w, w - 0.05], [sill, lintel]), paint.with(Finish::Glass)),
+        solid(
+            Hull::cuboid([0.05 - l, l - 0.05], [0.05 - w, w - 0.05], [sill, lintel]),
+            paint.with(Finish::Glass),
+        ),
         solid(Hull::cuboid([-l, l], [-w, w], [lintel, top]), paint),
     ];
     let pillars = 3 + random.below(6);
