@@ -49,7 +49,7 @@ slam() { # NN FRAMES SEED
     target/peers-venv/bin/python "$shared/tools/peers/run_peers.py" "$drive" --seq "$1" --peers kiss-slam --no-correct \
         --no-pin --timeout 20000 --out "$out/slam-$1-$2-seed$3" --cmd "sdslam=$ours" \
         --cmd-poses "sdslam={out}/$1/poses_kitti.txt:camera" --cmd-ms "sdslam={out}/$1/ms.txt" 2>"$out/log.txt"
-    grep -A12 '"trajectory_odometry"' "$out/slam-$1-$2-seed$3/sdslam/$1/metrics.json" | grep ate_m | sed 's/^/without loops: /'
+    grep -A99 '"trajectory_odometry"' "$out/slam-$1-$2-seed$3/sdslam/$1/metrics.json" | grep -m1 ate_m | sed 's/^/without loops: /'
     "$maps" loops "$out/slam-$1-$2-seed$3/sdslam/$1" "$drive" "$1"
 }
 
@@ -127,7 +127,7 @@ localise() { # NN FRAMES SEED
 }
 
 case $what in
-    slam) [ $# -gt 0 ] || set -- 06 1101 46 07 1101 47 05 2761 45 00 2000 40 08 2100 48 ;;
+    slam) [ $# -gt 0 ] || set -- 06 1101 46 07 1101 47 05 2761 45 00 2000 40 08 4071 48 ;;
     wrong | long) [ $# -gt 0 ] || set -- 07 1101 47 ;;
     maps) [ $# -gt 0 ] || set -- 07 1101 47 10 300 22 ;;
     localise) [ $# -gt 0 ] || set -- 06 1101 46 ;;
