@@ -95,6 +95,27 @@ def sector(images, columns, random):
     return [image[:, at[::-1] if mirrored else at] for mirrored in [random.random() < 0.5] for image in images]
 
 
+# What may stand anywhere on the ground, and is rare.
+LOOSE = np.isin(CLASSES, "car bicycle motorcycle truck other-vehicle person bicyclist motorcyclist trunk pole traffic-sign".split())
+
+
+def mix(images, others, random):
+    """Part of another scan's turn in this one, or its loose things wherever they are nearer (PolarMix, Xiao et al. 2022)."""
+    columns = images[0].shape[1]
+    at = random.integers(columns)
+    if random.random() < 0.4:
+        take = np.zeros(images[0].shape, bool)
+        take[:, at : at + random.integers(columns // 2)] = True
+    elif random.random() < 0.7:
+        others = [np.roll(other, at, 1) for other in others]
+        # Rows without a laser stay empty.
+        lit = (images[0] > 0) | ((images[0] > 0).mean(1, keepdims=True) > 0.3)
+        take = LOOSE[others[3]] & lit & ((images[0] == 0) | (others[0] < images[0]))
+    else:
+        return images
+    return [np.where(take, other, image) for image, other in zip(images, others)]
+
+
 def augment(images, random):
     """What differs between sensors, mounts and places, as far as it can be changed afterwards.
 

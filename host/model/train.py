@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch.nn import functional as F
 
-from data import CLASSES, GROUPS, augment, compact, read, scans, sector
+from data import CLASSES, GROUPS, augment, compact, mix, read, scans, sector
 from net import Net
 
 
@@ -29,13 +29,17 @@ class Sectors(torch.utils.data.IterableDataset):
 
     def __iter__(self):
         args, random, seen = self.args, np.random.default_rng([self.args.seed, self.worker()]), {}
+
+        def part(pair):
+            if pair not in seen:
+                seen[pair] = compact(pair, args.height, args.width)
+            return sector(seen[pair], int(args.width * args.share), random)
+
         while True:
             pairs = scans(args.folders, args.every)
             for index in random.permutation(len(pairs)):
-                pair = pairs[index]
-                if pair not in seen:
-                    seen[pair] = compact(pair, args.height, args.width)
-                image, classes = augment(sector(seen[pair], int(args.width * args.share), random), random)
+                other = list(seen)[random.integers(len(seen))] if seen else pairs[index]
+                image, classes = augment(mix(part(pairs[index]), part(other), random), random)
                 yield image, classes.astype(np.int64)
 
 
