@@ -35,7 +35,7 @@ pub struct BlockStyle {
     pub setback_m: f32,
     /// Width of the paved strip inside the sidewalk [m]; beyond it is grass.
     pub paved_m: f32,
-    /// Width of the grass between kerb and sidewalk [m], 0 = none.
+    /// Width of the grass from the kerb inwards [m], 0 = none; may be wider than the sidewalk.
     pub verge_m: f32,
     /// What the block is for.
     pub purpose: Purpose,
