@@ -210,6 +210,8 @@ mod tests {
             ("[knn]\nwindow = 4\n", "knn.window"),
             ("[knn]\nneighbours = 26\n", "knn.neighbours"),
             ("[knn]\ncutoff_m = -1.0\n", "knn.cutoff_m"),
+            ("[objects]\nlink_m = -0.3\n", "objects.link_m"),
+            ("[objects]\nsmall_m = nan\n", "objects.small_m"),
             ("[knn]\nsigma = -1.0\n", "knn.sigma"),
         ] {
             let refusal = parse(text).expect_err(text);

@@ -35,12 +35,13 @@ impl Default for ObjectsConfig {
 
 impl ObjectsConfig {
     pub(super) fn fault(&self) -> Option<DescriptionFault> {
-        let length = |value: f32| value >= 0.0 && value.is_finite();
-        if !(length(self.link_m) && length(self.vehicle_m) && length(self.small_m)) {
-            let key = "objects.link_m, vehicle_m and small_m";
-            return Some(DescriptionFault { key, expected: "numbers of metres, 0 or more" });
-        }
-        None
+        let lengths = [
+            ("objects.link_m", self.link_m),
+            ("objects.vehicle_m", self.vehicle_m),
+            ("objects.small_m", self.small_m),
+        ];
+        let (key, _) = lengths.into_iter().find(|&(_, value)| !(value >= 0.0 && value.is_finite()))?;
+        Some(DescriptionFault { key, expected: "a number of metres, 0 or more" })
     }
 }
 
@@ -58,22 +59,21 @@ pub fn unify(
     if config.link_m == 0.0 {
         return;
     }
-    let upright = |pixel: usize| classes[pixels.channel[pixel] as usize].motion() != MotionClass::Ground;
+    let counts = |pixel: usize| {
+        let motion = classes[pixels.channel[pixel] as usize].motion();
+        !matches!(motion, MotionClass::Ground | MotionClass::Dropped)
+    };
     let place: Vec<Option<[f32; 3]>> = (0..image.point.len())
         .map(|pixel| {
             let &[x, y, z, _] = points.get(image.point[pixel] as usize)?;
-            upright(pixel).then_some([x, y, z])
+            counts(pixel).then_some([x, y, z])
         })
         .collect();
     let object = label(&image.geometry, &place, config.link_m);
-    let mut objects = gather(&place, &object, &pixels.channel, classes.len());
-    for found in &mut objects {
-        found.decide(config, classes);
-    }
+    let objects = gather(&place, &object, &pixels.channel, classes.len());
+    let verdicts: Vec<_> = objects.iter().map(|object| object.verdict(config, classes)).collect();
     for (pixel, &index) in object.iter().enumerate() {
-        let Some((channel, share)) = objects.get(index as usize).and_then(|found| found.verdict) else {
-            continue;
-        };
+        let Some(&Some((channel, share))) = verdicts.get(index as usize) else { continue };
         if pixels.channel[pixel] != channel {
             pixels.channel[pixel] = channel;
             pixels.probability[pixel] = share;
@@ -132,8 +132,6 @@ struct Object {
     votes: Vec<u32>,
     low: [f32; 2],
     high: [f32; 2],
-    /// The channel that its pixels get, with the share of them that voted for it.
-    verdict: Option<(u8, f32)>,
 }
 
 fn gather(place: &[Option<[f32; 3]>], object: &[u32], channel: &[u8], channels: usize) -> Vec<Object> {
@@ -142,7 +140,7 @@ fn gather(place: &[Option<[f32; 3]>], object: &[u32], channel: &[u8], channels: 
         let Some(p) = place[pixel] else { continue };
         if index as usize == objects.len() {
             let (low, high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-            objects.push(Object { votes: vec![0; channels], low, high, verdict: None });
+            objects.push(Object { votes: vec![0; channels], low, high });
         }
         let found = &mut objects[index as usize];
         found.votes[channel[pixel] as usize] += 1;
@@ -155,26 +153,30 @@ fn gather(place: &[Option<[f32; 3]>], object: &[u32], channel: &[u8], channels: 
 }
 
 impl Object {
-    fn decide(&mut self, config: &ObjectsConfig, classes: &[SemanticClass]) {
+    /// The channel that its pixels get, with the share of them that agreed; `None` leaves them as they are.
+    fn verdict(&self, config: &ObjectsConfig, classes: &[SemanticClass]) -> Option<(u8, f32)> {
         let size: u32 = self.votes.iter().sum();
+        if size < config.min_pixels {
+            return None;
+        }
         let extent_m = (self.high[0] - self.low[0]).hypot(self.high[1] - self.low[1]);
-        let most = |votes: &mut dyn Iterator<Item = (usize, u32)>| {
-            votes.max_by_key(|&(channel, votes)| (votes, std::cmp::Reverse(channel)))
-        };
-        let mut all = self.votes.iter().copied().enumerate();
-        let vehicles = || self.votes.iter().copied().enumerate().filter(|&(c, _)| is_vehicle(classes[c]));
-        let share = |votes: u32| votes as f32 / size as f32;
-        let vehicle_votes: u32 = vehicles().map(|(_, votes)| votes).sum();
-        self.verdict = if size < config.min_pixels {
-            None
-        } else if extent_m < config.small_m {
-            most(&mut all).map(|(channel, votes)| (channel as u8, share(votes)))
+        let votes = self.votes.iter().copied().enumerate();
+        let vehicles = votes.clone().filter(|&(channel, _)| is_vehicle(classes[channel]));
+        let vehicle_votes: u32 = vehicles.clone().map(|(_, votes)| votes).sum();
+        let (channel, agreed) = if extent_m < config.small_m {
+            most(votes)?
         } else if extent_m < config.vehicle_m && 2 * vehicle_votes > size {
-            most(&mut vehicles()).map(|(channel, _)| (channel as u8, share(vehicle_votes)))
+            (most(vehicles)?.0, vehicle_votes)
         } else {
-            None
+            return None;
         };
+        Some((channel as u8, agreed as f32 / size as f32))
     }
+}
+
+/// Channel with most votes, the lowest of equals, and these votes.
+fn most(votes: impl Iterator<Item = (usize, u32)>) -> Option<(usize, u32)> {
+    votes.max_by_key(|&(channel, votes)| (votes, std::cmp::Reverse(channel)))
 }
 
 #[cfg(test)]
