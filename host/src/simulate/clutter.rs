@@ -1,5 +1,9 @@
 //! Street furniture of varied towns: poles, signs, people and things that have no class. The body faces along x.
 
+use std::f32::consts::FRAC_PI_2;
+
+use nalgebra::Isometry3;
+
 use super::{
     bodies,
     random::Random,
@@ -55,13 +59,21 @@ pub fn sign(random: &mut Random) -> Vec<Solid> {
     let back = Surface::matte(81, random.between(0.08, 0.4));
     let (half, tall) = match random.below(6) {
         0..4 => (random.between(0.2, 0.45), random.between(0.2, 0.5)),
-        4 => (random.between(0.4, 1.0), random.between(0.2, 0.5)),
+        4 => (random.between(0.4, 0.7), random.between(0.2, 0.5)),
         _ => (random.between(0.2, 0.4), random.between(0.5, 1.1)),
     };
     let foot = random.pick(&[0.5, 0.9, 1.7, 2.0, 2.2, 2.4]) + random.between(-0.2, 0.3);
-    let plate = |x: [f32; 2], surface| Solid {
-        shape: Shape::Hull(Hull::cuboid(x, [-half, half], [foot, foot + 2.0 * tall])),
-        surface,
+    let round = random.chance(0.4);
+    let tall = if round { half } else { tall };
+    let plate = |x: [f32; 2], surface| {
+        if round {
+            let quarter = Isometry3::new(Vec3::zeros(), Vec3::z() * FRAC_PI_2);
+            let middle = Vec3::new(0.0, -0.5 * (x[0] + x[1]), foot + half);
+            let disc = Hull::wheel(middle, half, 0.5 * (x[1] - x[0]));
+            return Solid { shape: Shape::Hull(disc), surface }.moved(&quarter);
+        }
+        let board = Hull::cuboid(x, [-half, half], [foot, foot + 2.0 * tall]);
+        Solid { shape: Shape::Hull(board), surface }
     };
     let mut solids = vec![plate([0.05, 0.07], face), plate([0.03, 0.05], back)];
     let radius = random.between(0.03, 0.06);
@@ -128,8 +140,9 @@ pub fn object(random: &mut Random) -> Vec<Solid> {
 /// A kiosk, a container or a screen of boards: built, but no house.
 pub fn kiosk(random: &mut Random) -> Vec<Solid> {
     let surface = Surface::matte(50, random.between(0.1, 0.7));
-    let half = [0.5 * random.between(0.1, 3.0), 0.5 * random.between(1.2, 5.0)];
-    let (foot, top) = (random.pick(&[0.0, 0.0, 0.0, 0.4]), random.between(2.0, 3.4));
+    let depth_m = if random.chance(0.5) { random.between(0.06, 0.3) } else { random.between(0.3, 3.0) };
+    let half = [0.5 * depth_m, 0.5 * random.between(1.2, 5.0)];
+    let (foot, top) = (random.pick(&[0.0, 0.0, 0.4, 0.8]), random.between(1.9, 3.4));
     let middle = Vec3::z() * (0.5 * (foot + top));
     let mut solids = vec![cuboid(surface, middle, [half[0], half[1], 0.5 * (top - foot)])];
     for share in [-0.8, 0.8] {
@@ -191,7 +204,7 @@ mod tests {
                 (sign(&mut random), &[80, 81], 0.6, 5.1),
                 (bystander(3, &mut random), &[30], 0.9, 2.0),
                 (object(&mut random), &[52, 99], 0.6, 4.2),
-                (kiosk(&mut random), &[50], 1.9, 3.9),
+                (kiosk(&mut random), &[50], 1.8, 3.9),
             ] {
                 let [low, high] = reach(&body);
                 assert!(low < 0.12 && (lowest..highest).contains(&high), "{labels:?} {low} {high}");

@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Point2, Vector2};
 
 use super::{
+    barriers::add_fence,
     bodies::Car,
     facade::Facade,
     fleet, open_blocks,
@@ -281,31 +282,17 @@ fn fence_front(site: &mut Site, side: &Side, [from, to]: [f32; 2], random: &mut 
             0..=4 if site.options.vegetation > 0.0 => {
                 let free_path_m = site.free_path_m(0.10, random);
                 let feet = ends.map(|end| site.foot(end));
-                site.solids.extend(plants::hedge(feet[0], feet[1], height, free_path_m, random));
+                let solids = if site.options.varied && random.chance(0.4) {
+                    plants::clipped(feet[0], feet[1], height, random.between(0.4, 1.2), random)
+                } else {
+                    plants::hedge(feet[0], feet[1], height, free_path_m, random)
+                };
+                site.solids.extend(solids);
             }
             6 | 7 => add_fence(site, ends, height, 0.015, Finish::Open(0.45)),
             8 => add_fence(site, ends, 0.8 * height, 0.12, Finish::Matte),
             _ => {}
         }
-    }
-}
-
-/// A straight fence between two places of the plan, in pieces that follow the slope.
-pub fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_width: f32, finish: Finish) {
-    let pieces = ((ends[1] - ends[0]).norm() / 2.5).ceil().max(1.0) as usize;
-    let surface = Surface::matte(51, 0.33).with(finish);
-    for piece in 0..pieces {
-        let end = |k: usize| site.foot(ends[0] + (ends[1] - ends[0]) * (k as f64 / pieces as f64));
-        let (a, b) = (end(piece), end(piece + 1));
-        let half = 0.5 * (b - a).xy().norm();
-        let foot = Vec3::new(0.5 * (a.x + b.x), 0.5 * (a.y + b.y), a.z.max(b.z));
-        let pose = Isometry3::new(foot, Vec3::z() * (b.y - a.y).atan2(b.x - a.x));
-        let drop = (a.z - b.z).abs() + 0.1;
-        let panel = part(Hull::cuboid([-half, half], [-half_width, half_width], [-drop, height]), surface);
-        let a = Vec3::new(-half, 0.0, -drop);
-        let post = Shape::Capsule { a, b: Vec3::new(-half, 0.0, height), radius_m: 0.05 };
-        site.solids.push(panel.moved(&pose));
-        site.solids.push(Solid { shape: post, surface: Surface::matte(51, 0.33) }.moved(&pose));
     }
 }
 

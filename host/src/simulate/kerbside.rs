@@ -3,8 +3,9 @@
 use nalgebra::{Point2, Vector2};
 
 use super::{
+    barriers,
     bodies::{self, Car},
-    clutter, fleet, houses, open_blocks,
+    clutter, fleet, open_blocks,
     plan::{Course, Street, right_of},
     plants,
     random::{Domain, Random},
@@ -152,6 +153,13 @@ fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
     if random.chance(0.3) {
         wall_off(site, kerb, random);
     }
+    // A wide road is more likely to be shielded.
+    let wide = kerb.street.half_width_m - kerb.street.parking_m > 6.0;
+    if random.chance(if wide { 0.4 } else { 0.07 }) {
+        let outside = random.pick(&[0.3, 0.6, kerb.street.sidewalk_m + 0.3]);
+        let ends = [kerb.at(5.5, outside), kerb.at(kerb.length_m - 5.5, outside)];
+        barriers::add_barrier(site, ends, random);
+    }
 }
 
 /// A wall, railing or fence along the kerb or behind the sidewalk.
@@ -169,7 +177,7 @@ fn wall_off(site: &mut Site, kerb: &Kerb, random: &mut Random) {
         (0.02, Finish::Open(0.35)),
         (0.02, Finish::Open(0.6)),
     ]);
-    houses::add_fence(site, ends, random.between(0.5, 2.2), half_width, finish);
+    barriers::add_fence(site, ends, random.between(0.5, 2.2), half_width, finish);
 }
 
 /// A bed of low bushes at the kerb, as wide as the sidewalk leaves room for.

@@ -9,6 +9,7 @@
 //! Scans are instantaneous at their stamps, as after motion compensation, and without KITTI's error of the vertical
 //! angle: run the odometry on them without its correction.
 
+mod barriers;
 mod bodies;
 mod clutter;
 mod drive;

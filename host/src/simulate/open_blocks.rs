@@ -68,7 +68,7 @@ pub fn furnish_place(site: &mut Site, at: Point2<f64>, random: &mut Random) {
             let body = fleet::tall(site.instance(), random);
             site.park(&body, at, facing, [1.3, 0.75]);
         }
-        20 => site.stand(&clutter::kiosk(random), at, facing),
+        19 | 20 => site.stand(&clutter::kiosk(random), at, facing),
         0..7 => gather(site, at, random),
         7..9 => site.stand(&clutter::object(random), at, facing),
         9..12 => site.stand(&clutter::pole(random), at, facing),
@@ -118,7 +118,7 @@ pub fn furnish_sidewalk(site: &mut Site, at: Point2<f64>, random: &mut Random) {
             let body = fleet::motorcycle(site.instance(), random);
             site.park(&body, at, facing, [0.6, 0.1]);
         }
-        9 if random.chance(0.3) => site.stand(&clutter::kiosk(random), at, facing),
+        9 if random.chance(0.6) => site.stand(&clutter::kiosk(random), at, facing),
         8 => {
             let foot = site.foot(at);
             let (radius, free_path_m) = (random.between(0.25, 0.6), site.free_path_m(0.14, random));
@@ -147,12 +147,14 @@ fn plant_bed(site: &mut Site, at: Point2<f64>, random: &mut Random) {
 /// Undergrowth or a trimmed hedge between two places, to the left of the line; short pieces follow the ground.
 pub fn plant_strip(site: &mut Site, [from, to]: [Point2<f64>; 2], width_m: f32, random: &mut Random) {
     let height_m = if random.chance(0.6) { random.between(0.2, 0.9) } else { random.between(0.9, 2.4) };
+    let clipped = width_m < 2.5 && random.chance(0.35);
     let pieces = ((to - from).norm() / 3.0).ceil().max(1.0) as usize;
     let end = |site: &Site, k: usize| site.foot(from + (to - from) * (k as f64 / pieces as f64));
     for piece in 0..pieces {
         let ends = [end(site, piece), end(site, piece + 1)];
-        let height_m = height_m * random.between(0.85, 1.1);
-        site.solids.extend(plants::shrubs(ends[0], ends[1], height_m, width_m, random));
+        let grow = if clipped { plants::clipped } else { plants::shrubs };
+        let height_m = height_m * if clipped { 1.0 } else { random.between(0.85, 1.1) };
+        site.solids.extend(grow(ends[0], ends[1], height_m, width_m, random));
     }
 }
 

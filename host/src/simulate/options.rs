@@ -91,6 +91,8 @@ pub struct Flaws {
     pub mixed: f32,
     /// Glass and dark paint swallow whole streaks of a ring, not single rays.
     pub streaks: bool,
+    /// The encoder adds half steps, so that no two rings are sampled at the same azimuths.
+    pub half_steps: bool,
     /// The own vehicle hides nothing.
     pub unmasked: bool,
     /// How much the remission of far and slanted surfaces fades: 0 = not at all, 1 = about as KITTI's device.
@@ -109,6 +111,7 @@ impl Default for Flaws {
             remission: 1.0,
             mixed: 0.0,
             streaks: false,
+            half_steps: false,
             unmasked: false,
             fading: 0.0,
             speckle: 1.0,

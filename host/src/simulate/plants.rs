@@ -1,13 +1,14 @@
 //! Trees, bushes and hedges: trunks and branches are solid, leaves are clumps that let rays in.
 
+use nalgebra::Isometry3;
+
 use super::{
     random::Random,
-    scene::{Solid, Surface},
-    shape::{Shape, Vec3},
+    scene::{Finish, Solid, Surface},
+    shape::{Hull, Shape, Vec3},
 };
 
-const LEAVES: Surface =
-    Surface { label: 70, instance: 0, reflectance: 0.32, finish: super::scene::Finish::Matte };
+const LEAVES: Surface = Surface { label: 70, instance: 0, reflectance: 0.32, finish: Finish::Matte };
 const BARK: Surface = Surface { label: 71, reflectance: 0.28, ..LEAVES };
 /// SemanticKITTI counts what is inside a crown as vegetation.
 const BRANCH: Surface = Surface { reflectance: 0.28, ..LEAVES };
@@ -157,6 +158,34 @@ pub fn shrubs(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut Ra
     solids
 }
 
+/// A hedge that is clipped often: its sides and top are tight and nearly flat.
+pub fn clipped(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut Random) -> Vec<Solid> {
+    let along = to - from;
+    let turn = Vec3::z() * along.y.atan2(along.x);
+    let (depth_m, open) = (random.between(0.015, 0.08), random.between(0.2, 0.7));
+    let pieces = (along.norm() / random.between(0.4, 1.5)).ceil().max(1.0);
+    let half = 0.5 * along.norm() / pieces;
+    let mut solids = Vec::new();
+    for piece in 0..pieces as usize {
+        let uneven = [(); 3].map(|()| random.between(-0.03, 0.03));
+        let foot = from + along * ((piece as f32 + 0.5) / pieces);
+        let pose = Isometry3::new(foot, turn);
+        // Between the outer leaves some rays find those behind.
+        for (inside_m, finish) in
+            [(0.0, Finish::Open(open)), (depth_m, Finish::Open(0.6)), (2.5 * depth_m, Finish::Matte)]
+        {
+            let (low, high) = (uneven[0] + inside_m, width_m + uneven[1] - inside_m);
+            let top = height_m + uneven[2] - inside_m;
+            if high > low && top > 0.0 {
+                let hull = Hull::cuboid([-half, half], [low, high], [0.0, top]);
+                let surface = LEAVES.with(finish);
+                solids.push(Solid { shape: Shape::Hull(hull), surface }.moved(&pose));
+            }
+        }
+    }
+    solids
+}
+
 fn clump(centre: Vec3, radius_m: f32, half_height_m: f32, free_path_m: f32) -> Solid {
     Solid { shape: Shape::Clump { centre, radius_m, half_height_m, free_path_m }, surface: LEAVES }
 }
@@ -197,6 +226,7 @@ mod tests {
             shrubs(foot, foot + Vec3::x() * 3.0, 0.7, 1.5, &mut random),
             bush(foot, 0.8, 0.14, &mut random),
             hedge(foot, foot + Vec3::x() * 4.0, 1.4, 0.10, &mut random),
+            clipped(foot, foot + Vec3::y() * 4.0, 1.4, 0.8, &mut random),
         ] {
             let lowest = solids.iter().map(|s| s.shape.bounds().0.z).fold(f32::MAX, f32::min);
             assert!(lowest < foot.z + 0.25, "floats at {lowest}");

@@ -42,6 +42,7 @@ fn randomised_sensor(seed: u64, random: &mut Random) -> SensorOptions {
             remission: random.between(0.7, 1.3),
             mixed: random.between(0.0, 0.4),
             streaks: random.chance(0.85),
+            half_steps: random.chance(0.85),
             unmasked: random.chance(0.15),
             fading: random.between(0.0, 1.6),
             speckle: random.between(0.2, 0.6),

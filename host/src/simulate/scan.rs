@@ -61,13 +61,24 @@ impl<'a> Scanner<'a> {
         for (ring, laser) in sensor::lasers(&self.sensor.flaws).iter().enumerate() {
             let start = scan.points.len();
             for column in 0..self.sensor.columns {
-                let azimuth = (column as f32 + offset) / self.sensor.columns as f32 * std::f32::consts::TAU;
+                let step = column as f32 + offset + self.half_steps(first + ring as u64, column);
+                let azimuth = step / self.sensor.columns as f32 * std::f32::consts::TAU;
                 let number = first + (ring * self.sensor.columns + column) as u64;
                 self.shoot(&mut scan, &sectors, &pose, laser, azimuth, number);
             }
             self.mix_edges(&mut scan.points[start..], laser, first + ring as u64);
         }
         scan
+    }
+
+    /// What the encoder has added before this column of a ring, in columns.
+    fn half_steps(&self, ring: u64, column: usize) -> f32 {
+        if !self.sensor.flaws.half_steps {
+            return 0.0;
+        }
+        let same = combine(self.seed ^ 0x4853, ring);
+        let added = Random::hashed(combine(same, column as u64 / 12)).below(2);
+        Random::hashed(same).unit() + 0.5 * added as f32
     }
 
     fn shoot(
@@ -324,6 +335,26 @@ mod tests {
             moved += 1;
         }
         assert!((50..clean.points.len() / 4).contains(&moved), "{moved} of {}", clean.points.len());
+    }
+
+    #[test]
+    fn half_steps_move_rays_within_their_columns() {
+        let mut world = world();
+        let clean = world.scan(30).0;
+        world.options.sensor.flaws.half_steps = true;
+        let step = std::f32::consts::TAU / world.options.sensor.columns as f32;
+        let phase = |p: &[f32; 4]| (p[1].atan2(p[0]).rem_euclid(std::f32::consts::TAU) / step).fract();
+        // How well the rays of a scan agree about where in a column they are.
+        let agreement = |scan: &Scan| {
+            let n = scan.points.len() as f32;
+            let sum = |f: fn(f32) -> f32| {
+                scan.points.iter().map(|p| f(std::f32::consts::TAU * phase(p))).sum::<f32>() / n
+            };
+            sum(f32::cos).hypot(sum(f32::sin))
+        };
+        assert!(agreement(&clean) > 0.95, "{}", agreement(&clean));
+        let moved = world.scan(30).0;
+        assert!(agreement(&moved) < 0.5, "{}", agreement(&moved));
     }
 
     #[test]
