@@ -116,12 +116,21 @@ def mix(images, others, random):
     return [np.where(take, other, image) for image, other in zip(images, others)]
 
 
+def seam(images, random):
+    """Where a turn ends next to where it began, what moves is cut off, or is there twice."""
+    columns = images[0].shape[1]
+    at, jump = random.integers(columns), random.integers(-12, 13)
+    order = np.arange(columns)
+    order[at:] = (order[at:] + jump) % columns
+    return [image[:, order] for image in images]
+
+
 def augment(images, random):
     """What differs between sensors, mounts and places, as far as it can be changed afterwards.
 
     A normalised image [5, H, W] (x and y are 0: the network does not look at them) and classes [H, W].
     """
-    ranges, heights, remission, classes = images
+    ranges, heights, remission, classes = seam(images, random) if random.random() < 0.3 else images
     shape = ranges.shape
     ranges, heights = ranges * np.float32(0.002), heights * np.float32(0.001)
     if random.random() < 0.25:
@@ -130,7 +139,7 @@ def augment(images, random):
     tilt = np.sin(np.linspace(0, np.pi, shape[1], dtype=np.float32) + random.uniform(0, 2 * np.pi))
     heights = heights + ranges * (np.float32(random.normal(0, 0.005)) * tilt)
     scale = np.float32(random.uniform(0.92, 1.08))
-    moved = ranges + augment_ranges(ranges, classes, random)
+    moved = ranges + augment_ranges(ranges, classes, random) + shift_rays(ranges, random)
     heights = heights * (moved / np.maximum(ranges, 1))
     ranges = np.where(ranges > 0, np.maximum(moved, 0.5), 0)
     keep = ranges > 0
@@ -177,7 +186,7 @@ def pass_van(ranges, heights, remission, classes, random):
 
 
 def augment_ranges(ranges, classes, random):
-    """What to add to ranges: noise that grows, lasers that measure too far or too near, leaves deeper or less deep."""
+    """What to add to ranges: noise that grows, lasers that measure too far or too near, leaves that let rays in, high grass."""
     shape = ranges.shape
     added = (random.uniform(0, 0.015) + random.choice([0, 0.001, 0.002]) * ranges).astype(np.float32) * normals(shape, random)
     rows = random.normal(0, random.uniform(0, 0.06), (shape[0], 1))
@@ -185,7 +194,24 @@ def augment_ranges(ranges, classes, random):
     added[:, : chunks.shape[1]] += (rows + chunks).astype(np.float32)
     thickness = random.uniform(0, 0.3, (shape[0] // 8, shape[1] // 32)) * random.uniform(0, 1)
     depth = thickness.repeat(8, 0).repeat(32, 1).astype(np.float32) * np.abs(normals(shape, random))
+    # Blades of grass stop rays before the ground, the earlier the flatter they come.
+    added -= 0.15 * depth * ranges * (classes == CLASSES.index("terrain"))
     return added + depth * (classes == CLASSES.index("vegetation"))
+
+
+def shift_rays(ranges, random):
+    """What to add to ranges since rays do not hit the middle of their pixels.
+
+    The encoder of a real sensor adds half steps, so that from row to row and from place to place the rays lie
+    elsewhere in their pixels: walls that are seen from the side get rough, more so far away.
+    """
+    shape = ranges.shape
+    before, after = np.roll(ranges, 1, 1), np.roll(ranges, -1, 1)
+    slope = 0.5 * (after - before)
+    smooth = (before > 0) & (after > 0) & (np.abs(slope) < 0.05 * ranges) & (np.abs(before + after - 2 * ranges) < 0.05 * ranges)
+    reach = random.uniform(0, 0.35)
+    shift = random.uniform(-reach, reach, (shape[0], shape[1] // 16)).astype(np.float32).repeat(16, 1)
+    return np.where(smooth, slope * shift, 0)
 
 
 def normals(shape, random):
