@@ -63,6 +63,8 @@ real() {
     echo "== default model against the test network, 90"
     segment "$data" 90 real-default
     sdslam evaluate --labels-truth "$data/sequences/90/labels" --labels-estimate "$out/real-default/90/labels"
+    echo "== test network, then default model against annotated boxes"
+    python3 tests/benchmarks/found_in_boxes.py "$data/sequences/90/labels_boxes" "$data/sequences/90/labels" "$out/real-default/90/labels"
     local name options
     for name in labels teacher default; do
         case $name in
