@@ -8,6 +8,7 @@ points in no box (1), which is also what was not annotated. Prints IoU, recall a
 
 import sys
 from array import array
+from collections import Counter
 from pathlib import Path
 
 KINDS = {
@@ -24,10 +25,12 @@ def labels(file):
 
 boxes = Path(sys.argv[1])
 for folder in map(Path, sys.argv[2:]):
-    pairs = [pair for file in sorted(folder.glob("*.label")) for pair in zip(labels(boxes / file.name), labels(file))]
+    count = Counter()
+    for file in folder.glob("*.label"):
+        count.update(zip(labels(boxes / file.name), labels(file)))
     for kind, (boxed, named) in KINDS.items():
-        hits = sum(truth in boxed and guess in named for truth, guess in pairs)
-        true = sum(truth in boxed for truth, _ in pairs)
-        said = sum(truth != 0 and guess in named for truth, guess in pairs)
+        hits = sum(n for (truth, guess), n in count.items() if truth in boxed and guess in named)
+        true = sum(n for (truth, _), n in count.items() if truth in boxed)
+        said = sum(n for (truth, guess), n in count.items() if truth != 0 and guess in named)
         iou, recall, precision = hits / max(true + said - hits, 1), hits / max(true, 1), hits / max(said, 1)
         print(f"{folder}: {kind}: IoU {iou:.3f}, recall {recall:.3f}, precision {precision:.3f}")
