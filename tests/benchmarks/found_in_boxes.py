@@ -27,7 +27,9 @@ boxes = Path(sys.argv[1])
 for folder in map(Path, sys.argv[2:]):
     count = Counter()
     for file in folder.glob("*.label"):
-        count.update(zip(labels(boxes / file.name), labels(file)))
+        count.update(zip(labels(boxes / file.name), labels(file), strict=True))
+    if not count:
+        sys.exit(f"{folder}: no .label files")
     for kind, (boxed, named) in KINDS.items():
         hits = sum(n for (truth, guess), n in count.items() if truth in boxed and guess in named)
         true = sum(n for (truth, _), n in count.items() if truth in boxed)

@@ -2,7 +2,7 @@
 # Segmentation: time per stage, agreement with a SemanticKITTI network on real scans, and what it does to the SLAM.
 #
 #   tests/benchmarks/segmentation.sh time                 ms per stage: default model, test network, full-width SqueezeSegV2
-#   tests/benchmarks/segmentation.sh real                 KITTI raw drive 0005: agreement, trajectory, map, van and cyclist
+#   tests/benchmarks/segmentation.sh real                 KITTI raw drive 0005: agreement, annotated boxes, trajectory, map, van and cyclist
 #   tests/benchmarks/segmentation.sh simulated [NN FRAMES SEED]...   along KITTI's trajectories: IoU, and the SLAM's errors
 #                                                         with predicted labels beside those with true ones
 #

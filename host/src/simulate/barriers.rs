@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Point2};
 
 use super::{
     random::Random,
-    scene::{Finish, Solid, Surface},
-    shape::{Hull, Shape, Slab, Vec3},
+    scene::{Finish, Solid, Surface, rod, solid},
+    shape::{Hull, Slab, Vec3},
     town::Site,
 };
 
@@ -14,7 +14,10 @@ pub fn add_fence(site: &mut Site, ends: [Point2<f64>; 2], height: f32, half_widt
     let surface = Surface::matte(51, 0.33);
     lay(site, ends, |half, drop| {
         let panel = Hull::cuboid([-half, half], [-half_width, half_width], [-drop, height]);
-        vec![part(panel, surface.with(finish)), rod(surface, [-half, 0.0, -drop], [-half, 0.0, height], 0.05)]
+        vec![
+            solid(panel, surface.with(finish)),
+            rod(surface, [-half, 0.0, -drop], [-half, 0.0, height], 0.05),
+        ]
     });
 }
 
@@ -36,7 +39,7 @@ pub fn add_barrier(site: &mut Site, ends: [Point2<f64>; 2], random: &mut Random)
             lay(site, ends, |half, drop| {
                 let wall = Hull::cuboid([-half, half], [-half_width, half_width], [-drop, height]);
                 let post = rod(surface, [-half, 0.0, -drop], [-half, 0.0, height], 1.3 * half_width);
-                vec![part(wall, surface), post]
+                vec![solid(wall, surface), post]
             });
         }
     }
@@ -49,7 +52,7 @@ fn guard_rail(surface: Surface, half: f32, drop: f32, low: f32, radius: f32, rai
         (0..rails).map(|k| rod(surface, [-half, 0.0, height(k)], [half, 0.0, height(k)], radius)).collect();
     let top = height(rails);
     for x in [-half, 0.0] {
-        solids.push(part(Hull::cuboid([x, x + 0.1], [-0.16, -0.06], [-drop, top]), surface));
+        solids.push(solid(Hull::cuboid([x, x + 0.1], [-0.16, -0.06], [-drop, top]), surface));
     }
     solids
 }
@@ -59,8 +62,8 @@ fn concrete(surface: Surface, half: f32, drop: f32, height: f32, foot: f32) -> V
     let slab = |half_width: f32, z: f32| Slab { x: [-half, half], y: [-half_width, half_width], z };
     let waist = 0.3 * height;
     vec![
-        part(Hull::between(slab(foot, -drop), slab(foot.min(0.22), waist)), surface),
-        part(Hull::between(slab(foot.min(0.22), waist), slab(0.09, height)), surface),
+        solid(Hull::between(slab(foot, -drop), slab(foot.min(0.22), waist)), surface),
+        solid(Hull::between(slab(foot.min(0.22), waist), slab(0.09, height)), surface),
     ]
 }
 
@@ -75,14 +78,6 @@ fn lay(site: &mut Site, ends: [Point2<f64>; 2], body: impl Fn(f32, f32) -> Vec<S
         let solids = body(0.5 * (b - a).xy().norm(), (a.z - b.z).abs() + 0.1);
         site.solids.extend(solids.iter().map(|solid| solid.moved(&pose)));
     }
-}
-
-fn part(hull: Hull, surface: Surface) -> Solid {
-    Solid { shape: Shape::Hull(hull), surface }
-}
-
-fn rod(surface: Surface, a: [f32; 3], b: [f32; 3], radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a: Vec3::from(a), b: Vec3::from(b), radius_m }, surface }
 }
 
 #[cfg(test)]

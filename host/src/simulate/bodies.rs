@@ -2,8 +2,8 @@
 
 use super::{
     random::Random,
-    scene::{Finish, Solid, Surface},
-    shape::{Hull, Shape, Slab, Vec3},
+    scene::{Finish, Solid, Surface, rod, solid},
+    shape::{Hull, Slab, Vec3},
 };
 
 /// Size and paint of a car.
@@ -196,14 +196,6 @@ pub fn cyclist(pedal: f32, cloth: f32, label: u16, instance: u16) -> Vec<Solid> 
         solids.push(rod(surface, [0.10, side * 0.19, 1.42], [0.36, side * 0.25, 1.05], 0.045));
     }
     solids
-}
-
-fn solid(hull: Hull, surface: Surface) -> Solid {
-    Solid { shape: Shape::Hull(hull), surface }
-}
-
-fn rod(surface: Surface, from: [f32; 3], to: [f32; 3], radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a: Vec3::from(from), b: Vec3::from(to), radius_m }, surface }
 }
 
 #[cfg(test)]

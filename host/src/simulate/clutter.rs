@@ -7,8 +7,8 @@ use nalgebra::Isometry3;
 use super::{
     bodies,
     random::Random,
-    scene::{Finish, Solid, Surface},
-    shape::{Hull, Shape, Vec3},
+    scene::{Finish, Solid, Surface, rod, solid},
+    shape::{Hull, Vec3},
 };
 
 /// A lamp, traffic light, flag pole or bollard.
@@ -70,10 +70,10 @@ pub fn sign(random: &mut Random) -> Vec<Solid> {
             let quarter = Isometry3::new(Vec3::zeros(), Vec3::z() * FRAC_PI_2);
             let middle = Vec3::new(0.0, -0.5 * (x[0] + x[1]), foot + half);
             let disc = Hull::wheel(middle, half, 0.5 * (x[1] - x[0]));
-            return Solid { shape: Shape::Hull(disc), surface }.moved(&quarter);
+            return solid(disc, surface).moved(&quarter);
         }
         let board = Hull::cuboid(x, [-half, half], [foot, foot + 2.0 * tall]);
-        Solid { shape: Shape::Hull(board), surface }
+        solid(board, surface)
     };
     let mut solids = vec![plate([0.05, 0.07], face), plate([0.03, 0.05], back)];
     let radius = random.between(0.03, 0.06);
@@ -177,11 +177,7 @@ fn shelter(surface: Surface, random: &mut Random) -> Vec<Solid> {
 
 fn cuboid(surface: Surface, centre: Vec3, half: [f32; 3]) -> Solid {
     let span = |k: usize| [centre[k] - half[k], centre[k] + half[k]];
-    Solid { shape: Shape::Hull(Hull::cuboid(span(0), span(1), span(2))), surface }
-}
-
-fn rod(surface: Surface, a: [f32; 3], b: [f32; 3], radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a: Vec3::from(a), b: Vec3::from(b), radius_m }, surface }
+    solid(Hull::cuboid(span(0), span(1), span(2)), surface)
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 use super::{
     bodies::{self, Car},
     random::Random,
-    scene::{Finish, Solid, Surface},
-    shape::{Hull, Shape, Slab, Vec3},
+    scene::{Finish, Solid, Surface, rod, solid},
+    shape::{Hull, Slab, Vec3},
 };
 
 /// SemanticKITTI ids.
@@ -133,14 +133,6 @@ pub fn motorcycle(instance: u16, random: &mut Random) -> Vec<Solid> {
         solids.push(solid(Hull::cuboid([0.3, 0.6], [-0.18, 0.18], [0.7, 1.2]), paint));
     }
     solids
-}
-
-fn solid(hull: Hull, surface: Surface) -> Solid {
-    Solid { shape: Shape::Hull(hull), surface }
-}
-
-fn rod(surface: Surface, from: [f32; 3], to: [f32; 3], radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a: Vec3::from(from), b: Vec3::from(to), radius_m }, surface }
 }
 
 #[cfg(test)]

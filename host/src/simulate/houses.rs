@@ -10,8 +10,8 @@ use super::{
     plan::{BlockStyle, Purpose, right_of},
     plants,
     random::Random,
-    scene::{Finish, Solid, Surface},
-    shape::{Hull, Shape, Slab, Vec3},
+    scene::{Finish, Solid, Surface, rod, solid},
+    shape::{Hull, Slab, Vec3},
     town::Site,
 };
 
@@ -138,7 +138,7 @@ fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random)
     let plain = Surface::matte(50, house.reflectance);
     let main =
         Hull::cuboid([-half_length, half_length], [-half_depth, half_depth], [lowest - floor - 0.5, wall]);
-    let mut parts = vec![part(main, plain.with(Finish::Facade(site.facades.len() as u32)))];
+    let mut parts = vec![solid(main, plain.with(Finish::Facade(site.facades.len() as u32)))];
     site.facades.push(facade);
     parts.push(roof(half_length, half_depth, wall, random));
     add_front_parts(&mut parts, &facade, half_length, half_depth, house, random);
@@ -214,7 +214,7 @@ fn add_relief(
         };
         // Railings and lattices.
         let finish = if random.chance(0.2) { Finish::Open(random.between(0.3, 0.7)) } else { Finish::Matte };
-        parts.push(part(Hull::cuboid(x, y, z), surface.with(finish)));
+        parts.push(solid(Hull::cuboid(x, y, z), surface.with(finish)));
     }
 }
 
@@ -224,11 +224,11 @@ fn roof(half_length: f32, half_depth: f32, wall: f32, random: &mut Random) -> So
     let x = [-half_length - 0.2, half_length + 0.2];
     let y = [-half_depth - eave, half_depth + eave];
     if random.chance(0.3) {
-        return part(Hull::cuboid(x, y, [wall, wall + 0.35]), tiles);
+        return solid(Hull::cuboid(x, y, [wall, wall + 0.35]), tiles);
     }
     let hip = if random.chance(0.4) { 0.6 * half_depth } else { 0.0 };
     let ridge = Slab { x: [x[0] + hip, x[1] - hip], y: [-0.05, 0.05], z: wall + rise };
-    part(Hull::between(Slab { x, y, z: wall - 0.15 }, ridge), tiles)
+    solid(Hull::between(Slab { x, y, z: wall - 0.15 }, ridge), tiles)
 }
 
 /// Steps, a bay, balconies and a drain pipe on the street front, which lies at negative y.
@@ -248,23 +248,23 @@ fn add_front_parts(
     let (bay, balcony, pipe) = (place(1.9), place(1.6), place(0.3));
     let room = house.setback_m.min(1.3);
     let steps = Hull::cuboid([door - 0.8, door + 0.8], [front - 0.6 * room, front + 0.1], [-1.0, 0.38]);
-    parts.push(part(steps, plain));
+    parts.push(solid(steps, plain));
     if house.setback_m > 1.0 && random.chance(0.5) {
         let bay = Hull::cuboid([bay - 1.5, bay + 1.5], [front - 0.7 * room, front + 0.1], [-1.0, wall - 0.4]);
-        parts.push(part(bay, plain));
+        parts.push(solid(bay, plain));
     }
     if house.storeys > 1.5 && random.chance(0.5) {
         for storey in 1..house.storeys.round() as usize {
             let z = 0.4 + storey as f32 * facade.storey_m;
             let x = [balcony - 1.4, balcony + 1.4];
             let y = [front - 1.0, front + 0.1];
-            parts.push(part(Hull::cuboid(x, y, [z - 0.15, z]), plain));
+            parts.push(solid(Hull::cuboid(x, y, [z - 0.15, z]), plain));
             let rail = Hull::cuboid(x, [front - 1.0, front - 0.96], [z, z + 0.95]);
-            parts.push(part(rail, plain.with(Finish::Open(0.5))));
+            parts.push(solid(rail, plain.with(Finish::Open(0.5))));
         }
     }
     let (a, b) = (Vec3::new(pipe, front - 0.07, -0.3), Vec3::new(pipe, front - 0.07, wall));
-    parts.push(Solid { shape: Shape::Capsule { a, b, radius_m: 0.05 }, surface: plain });
+    parts.push(rod(plain, a, b, 0.05));
 }
 
 /// Hedge, fence, wall or nothing along the sidewalk, with a gate.
@@ -377,8 +377,4 @@ fn plant_yard(site: &mut Site, [i, j]: [usize; 2], style: &BlockStyle, random: &
             if site.options.varied { plants::varied_tree(foot, random) } else { plants::tree(foot, random) };
         site.solids.extend(tree);
     }
-}
-
-fn part(hull: Hull, surface: Surface) -> Solid {
-    Solid { shape: Shape::Hull(hull), surface }
 }

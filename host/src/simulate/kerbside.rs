@@ -9,8 +9,8 @@ use super::{
     plan::{Course, Street, right_of},
     plants,
     random::{Domain, Random},
-    scene::{Finish, Solid, Surface},
-    shape::{Hull, Shape, Vec3},
+    scene::{Finish, Solid, Surface, rod, solid},
+    shape::Hull,
     town::Site,
 };
 
@@ -252,7 +252,7 @@ fn lamp(random: &mut Random) -> Vec<Solid> {
         rod(steel, [0.0, 0.0, height], [-1.3, 0.0, height + 0.25], 0.04),
     ];
     let head = Hull::cuboid([-1.9, -1.3], [-0.12, 0.12], [height + 0.18, height + 0.32]);
-    solids.push(Solid { shape: Shape::Hull(head), surface: steel });
+    solids.push(solid(head, steel));
     solids
 }
 
@@ -263,10 +263,7 @@ fn sign(random: &mut Random) -> Vec<Solid> {
     let height = random.between(2.1, 2.5);
     let half = random.between(0.25, 0.4);
     let plate = Hull::cuboid([0.035, 0.055], [-half, half], [height, height + 2.0 * half]);
-    vec![
-        rod(post, [0.0, 0.0, -0.2], [0.0, 0.0, height + 2.0 * half], 0.035),
-        Solid { shape: Shape::Hull(plate), surface: face },
-    ]
+    vec![rod(post, [0.0, 0.0, -0.2], [0.0, 0.0, height + 2.0 * half], 0.035), solid(plate, face)]
 }
 
 /// A litter bin or a switch box.
@@ -275,9 +272,5 @@ fn bin(random: &mut Random) -> Vec<Solid> {
     let half = [random.between(0.2, 0.5), random.between(0.15, 0.22)];
     let top = random.between(0.8, 1.3);
     let hull = Hull::cuboid([-half[0], half[0]], [-half[1], half[1]], [-0.1, top]);
-    vec![Solid { shape: Shape::Hull(hull), surface }]
-}
-
-fn rod(surface: Surface, a: [f32; 3], b: [f32; 3], radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a: Vec3::from(a), b: Vec3::from(b), radius_m }, surface }
+    vec![solid(hull, surface)]
 }

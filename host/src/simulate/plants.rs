@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 
 use super::{
     random::Random,
-    scene::{Finish, Solid, Surface},
+    scene::{Finish, Solid, Surface, rod, solid},
     shape::{Hull, Shape, Vec3},
 };
 
@@ -179,7 +179,7 @@ pub fn clipped(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut R
             if high > low && top > 0.0 {
                 let hull = Hull::cuboid([-half, half], [low, high], [0.0, top]);
                 let surface = LEAVES.with(finish);
-                solids.push(Solid { shape: Shape::Hull(hull), surface }.moved(&pose));
+                solids.push(solid(hull, surface).moved(&pose));
             }
         }
     }
@@ -188,10 +188,6 @@ pub fn clipped(from: Vec3, to: Vec3, height_m: f32, width_m: f32, random: &mut R
 
 fn clump(centre: Vec3, radius_m: f32, half_height_m: f32, free_path_m: f32) -> Solid {
     Solid { shape: Shape::Clump { centre, radius_m, half_height_m, free_path_m }, surface: LEAVES }
-}
-
-fn rod(surface: Surface, a: Vec3, b: Vec3, radius_m: f32) -> Solid {
-    Solid { shape: Shape::Capsule { a, b, radius_m }, surface }
 }
 
 /// Uniform in the unit ball.

@@ -9,7 +9,7 @@ use super::{
     grid::Grid,
     ground::Ground,
     random::{Random, combine},
-    shape::{Hit, Ray, Shape},
+    shape::{Hit, Hull, Ray, Shape, Vec3},
 };
 
 /// What a solid looks like to a laser.
@@ -66,6 +66,16 @@ impl Solid {
     pub fn moved(&self, pose: &Isometry3<f32>) -> Self {
         Self { shape: self.shape.moved(pose), surface: self.surface }
     }
+}
+
+/// A convex solid.
+pub fn solid(hull: Hull, surface: Surface) -> Solid {
+    Solid { shape: Shape::Hull(hull), surface }
+}
+
+/// A rod with round ends.
+pub fn rod(surface: Surface, from: impl Into<Vec3>, to: impl Into<Vec3>, radius_m: f32) -> Solid {
+    Solid { shape: Shape::Capsule { a: from.into(), b: to.into(), radius_m }, surface }
 }
 
 /// What a ray met.
