@@ -45,6 +45,18 @@ pub fn add_barrier(site: &mut Site, ends: [Point2<f64>; 2], random: &mut Random)
     }
 }
 
+/// What divides a road: a guard rail or a concrete barrier, narrow enough to drive beside.
+pub fn add_median(site: &mut Site, ends: [Point2<f64>; 2], random: &mut Random) {
+    let surface = Surface::matte(51, random.between(0.1, 0.6));
+    let (low, height) = (random.between(0.4, 0.6), random.between(0.7, 1.2));
+    if random.chance(0.6) {
+        let rails = 1 + random.below(2);
+        lay(site, ends, |half, drop| guard_rail(surface, half, drop, low, 0.08, rails));
+    } else {
+        lay(site, ends, |half, drop| concrete(surface, half, drop, height, 0.25));
+    }
+}
+
 /// Corrugated steel on posts, `low` above the ground.
 fn guard_rail(surface: Surface, half: f32, drop: f32, low: f32, radius: f32, rails: usize) -> Vec<Solid> {
     let height = |k: usize| low + 2.2 * radius * k as f32;

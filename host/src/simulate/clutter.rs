@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use super::{
     bodies,
     random::Random,
-    scene::{Finish, Solid, Surface, rod, solid},
+    scene::{Finish, Solid, Surface, drum, rod, solid},
     shape::{Hull, Vec3},
 };
 
@@ -108,7 +108,7 @@ pub fn bystander(instance: u16, random: &mut Random) -> Vec<Solid> {
 pub fn object(random: &mut Random) -> Vec<Solid> {
     let surface = Surface::matte(99, random.between(0.08, 0.5));
     let size = |low: f32, high: f32, random: &mut Random| 0.5 * random.between(low, high);
-    match random.below(6) {
+    match random.below(5) {
         0 => {
             let (x, y, z) = (size(0.3, 0.7, random), size(0.3, 0.7, random), size(0.8, 1.3, random));
             vec![cuboid(surface, Vec3::z() * z, [x, y, z])]
@@ -125,10 +125,6 @@ pub fn object(random: &mut Random) -> Vec<Solid> {
             vec![cuboid(surface, Vec3::z() * z, [x, y, z])]
         }
         3 => {
-            let (radius, height) = (random.between(0.4, 0.75), random.between(2.2, 3.4));
-            vec![rod(surface, [0.0, 0.0, 0.0], [0.0, 0.0, height], radius)]
-        }
-        4 => {
             let (x, z) = (size(0.6, 1.0, random), random.between(0.68, 1.0));
             let top = cuboid(surface, Vec3::z() * z, [x, x, 0.03]);
             vec![top, rod(surface, [0.0; 3], [0.0, 0.0, z], 0.05)]
@@ -157,6 +153,46 @@ pub fn kiosk(random: &mut Random) -> Vec<Solid> {
             at,
             [random.between(0.05, 0.6), 0.7 * half[1], random.between(0.03, 0.4)],
         ));
+    }
+    solids
+}
+
+/// An advertising panel on two legs or on a central one.
+pub fn board(random: &mut Random) -> Vec<Solid> {
+    let surface = Surface::matte(50, random.between(0.1, 0.8));
+    let leg = Surface::matte(80, random.between(0.1, 0.4));
+    let half = [0.5 * random.between(0.05, 0.25), 0.5 * random.between(1.0, 1.9)];
+    let foot = if random.chance(0.7) { random.between(0.3, 0.9) } else { random.between(0.9, 2.2) };
+    let top = foot + random.between(1.2, 2.2);
+    let mut solids =
+        vec![cuboid(surface, Vec3::z() * (0.5 * (foot + top)), [half[0], half[1], 0.5 * (top - foot)])];
+    if random.chance(0.4) {
+        // A frame that stands out.
+        let size = [half[0] + 0.03, half[1] + 0.02, 0.05];
+        solids.extend([foot, top].map(|z| cuboid(surface, Vec3::z() * z, size)));
+    }
+    let (places, thick): (&[f32], _) =
+        if random.chance(0.5) { (&[-0.8, 0.8], [0.02, 0.06]) } else { (&[0.0], [0.06, 0.2]) };
+    let radius = random.between(thick[0], thick[1]);
+    for share in places {
+        let y = share * half[1];
+        solids.push(rod(leg, [0.0, y, -0.2], [0.0, y, foot], radius));
+    }
+    solids
+}
+
+/// An advertising column: a cylinder, sometimes with a foot and a cap that stand out.
+pub fn column(random: &mut Random) -> Vec<Solid> {
+    let surface = Surface::matte(50, random.between(0.15, 0.8));
+    let (radius, height) = (random.between(0.4, 0.75), random.between(2.2, 3.6));
+    let out = random.between(0.03, 0.2);
+    let mut solids = vec![drum(surface, radius, [-0.3, height])];
+    if random.chance(0.6) {
+        solids.push(drum(surface, radius + out, [height - 0.2, height + random.between(0.0, 0.15)]));
+        solids.push(drum(surface, radius + 0.5 * out, [-0.3, random.between(0.1, 0.5)]));
+    }
+    if random.chance(0.4) {
+        solids.push(rod(surface, [0.0, 0.0, height - 0.2], [0.0, 0.0, height - 0.1], 0.8 * radius));
     }
     solids
 }
@@ -201,6 +237,8 @@ mod tests {
                 (bystander(3, &mut random), &[30], 0.9, 2.0),
                 (object(&mut random), &[52, 99], 0.6, 4.2),
                 (kiosk(&mut random), &[50], 1.8, 3.9),
+                (board(&mut random), &[50, 80], 1.4, 4.5),
+                (column(&mut random), &[50], 2.1, 4.2),
             ] {
                 let [low, high] = reach(&body);
                 assert!(low < 0.12 && (lowest..highest).contains(&high), "{labels:?} {low} {high}");

@@ -5,8 +5,9 @@ use nalgebra::{Isometry3, Point2, Rotation3, Translation3, UnitQuaternion, Vecto
 use super::{
     options::TownOptions,
     plan::{Place, Plan},
-    random::{Domain, Random},
+    relief::Relief,
     shape::{Hit, Ray, Vec3},
+    style::{BlockStyle, KERB_M},
 };
 
 /// What the ground is made of at a point.
@@ -24,12 +25,8 @@ const MARKING: Cover = Cover { label: 60, reflectance: 0.62 };
 const SIDEWALK: Cover = Cover { label: 48, reflectance: 0.43 };
 const TERRAIN: Cover = Cover { label: 72, reflectance: 0.43 };
 
-/// Height of a kerb [m].
-const KERB_M: f32 = 0.12;
-/// Width over which it rises [m].
+/// Width over which a kerb rises [m].
 const KERB_WIDTH_M: f32 = 0.04;
-/// Distance of the hills [m].
-const HILL_SPACING_M: f32 = 120.0;
 /// Spacing of the tabulated relief [m].
 const CELL_M: f32 = 1.0;
 
@@ -43,15 +40,8 @@ pub struct Ground {
     /// Relief height and plan coordinates at the nodes.
     nodes: Vec<[f32; 3]>,
     seed: u32,
-    /// Whether its reflectance differs from place to place.
-    patchy: bool,
-}
-
-/// Smooth heights: two long waves and some hills.
-#[derive(Debug)]
-struct Relief {
-    waves: Vec<(Vector2<f64>, f64, f64)>,
-    hills: Vec<(Point2<f64>, f64, f64)>,
+    /// Whether its reflectance differs from place to place, and grass is rough wherever it grows.
+    varied: bool,
 }
 
 impl Ground {
@@ -69,7 +59,7 @@ impl Ground {
             [relief.height(plan.town_from_plan(plan.level(p))) as f32, p.x as f32, p.y as f32]
         };
         let nodes = (0..size[0] * size[1]).map(node).collect();
-        Self { plan: plan.clone(), relief, origin, size, nodes, seed: seed as u32, patchy: town.varied }
+        Self { plan: plan.clone(), relief, origin, size, nodes, seed: seed as u32, varied: town.varied }
     }
 
     /// Lower corner and size [m] of the ground in the town.
@@ -78,11 +68,18 @@ impl Ground {
         (self.origin, Vector2::new(length(self.size[0]), length(self.size[1])))
     }
 
-    /// Height of the ground [m], kerbs included, bumps of the grass left out.
+    /// Height of the ground [m], kerbs and banks included, bumps of the grass left out.
     pub fn height(&self, q: Point2<f64>) -> f64 {
         let p = self.plan.plan_from_town(q);
-        let place = self.plan.place(Point2::new(p.x as f32, p.y as f32));
-        self.relief.height(self.plan.town_from_plan(self.plan.level(p))) + f64::from(street_profile(&place))
+        let relief = self.relief.height(self.plan.town_from_plan(self.plan.level(p)));
+        let p = Point2::new(p.x as f32, p.y as f32);
+        let profile = street_profile(&self.plan.place(p), self.plan.style_at(p).kerb_m);
+        relief + f64::from(profile) + f64::from(self.bank(p))
+    }
+
+    /// Whether rays meet blades of grass here and there: then each has to be told how high.
+    pub fn has_blades(&self) -> bool {
+        self.varied
     }
 
     /// Pose of a body that rests on the ground on four feet, this far from its middle along and across [m].
@@ -101,45 +98,72 @@ impl Ground {
     }
 
     /// Height [m] as a ray sees it and the place on the plan; `None` beyond the ground's end.
-    fn surface(&self, x: f32, y: f32) -> Option<(f32, Place, Point2<f32>)> {
+    fn surface(&self, x: f32, y: f32, blades: f32) -> Option<(f32, Place, Point2<f32>)> {
         let [z, px, py] = self.sample(x, y)?;
         let p = Point2::new(px, py);
         let place = self.plan.place(p);
-        let rough = (place.outside_m - place.street.sidewalk_m).clamp(0.0, 1.0);
-        let bumps = if rough > 0.0 && !self.is_paved(p, &place) { rough * self.bumps(x, y) } else { 0.0 };
-        Some((z + street_profile(&place) + bumps, place, p))
+        if place.outside_m < 0.0 {
+            return Some((z + street_profile(&place, KERB_M), place, p));
+        }
+        let style = self.plan.style_at(p);
+        let rough = self.roughness(style, &place);
+        let bumps = if rough > 0.0 { rough * self.bumps(style, x, y, blades) } else { 0.0 };
+        Some((z + street_profile(&place, style.kerb_m) + (self.bank(p) + bumps), place, p))
     }
 
-    /// Range at which the ray, between two ranges, meets the ground. Rays start above it.
-    pub fn hit(&self, ray: &Ray, from_m: f32, to_m: f32) -> Option<(Hit, Cover)> {
+    /// Height of a bank at a place of the plan [m].
+    fn bank(&self, p: Point2<f32>) -> f32 {
+        let Some(block) = self.plan.block_at(p) else { return 0.0 };
+        let style = self.plan.style(block);
+        if style.bank.is_flat() {
+            return 0.0;
+        }
+        style.bank.rise(self.plan.depth_m(p, block, style.is_open))
+    }
+
+    /// How much of the bumps of grass there is, 0 to 1: none on stone, less at its edges.
+    fn roughness(&self, style: &BlockStyle, place: &Place) -> f32 {
+        let inside = place.outside_m - place.street.sidewalk_m;
+        if !self.varied {
+            return if inside < style.paved_m { 0.0 } else { inside.clamp(0.0, 1.0) };
+        }
+        let lawn = inside - style.paved_m;
+        (2.0 * lawn.max(verge_m(style, place))).clamp(0.0, 1.0)
+    }
+
+    /// Range at which the ray, between two ranges, meets the ground. Rays start above it. `blades` is where between
+    /// the ground and the tips of the grass it is stopped, 0 to 1.
+    pub fn hit(&self, ray: &Ray, from_m: f32, to_m: f32, blades: f32) -> Option<(Hit, Cover)> {
         let gap = |range: f32| {
             let at = ray.at(range);
-            self.surface(at.x, at.y).map(|(z, ..)| at.z - z)
+            self.surface(at.x, at.y, blades).map(|(z, ..)| at.z - z)
         };
-        let steps = ((to_m - from_m) / 0.7).ceil().max(1.0);
+        let stride_m = if self.varied { 0.5 } else { 0.7 };
+        let steps = ((to_m - from_m) / stride_m).ceil().max(1.0);
         let (mut above, mut gap_above) = (from_m, gap(from_m)?);
         if gap_above < 0.0 {
-            return self.describe(ray, from_m);
+            return self.describe(ray, from_m, blades);
         }
         for step in 1..=steps as usize {
             let range = from_m + (to_m - from_m) * step as f32 / steps;
             let gap_here = gap(range)?;
             if gap_here < 0.0 {
-                return self.describe(ray, narrow(gap, (above, gap_above), (range, gap_here))?);
+                return self.describe(ray, narrow(gap, (above, gap_above), (range, gap_here))?, blades);
             }
             (above, gap_above) = (range, gap_here);
         }
         None
     }
 
-    fn describe(&self, ray: &Ray, range_m: f32) -> Option<(Hit, Cover)> {
+    fn describe(&self, ray: &Ray, range_m: f32, blades: f32) -> Option<(Hit, Cover)> {
         let at = ray.at(range_m);
-        let (z, place, p) = self.surface(at.x, at.y)?;
-        let slope =
-            |dx: f32, dy: f32| self.surface(at.x + dx, at.y + dy).map_or(0.0, |(ahead, ..)| ahead - z);
+        let (z, place, p) = self.surface(at.x, at.y, blades)?;
+        let slope = |dx: f32, dy: f32| {
+            self.surface(at.x + dx, at.y + dy, blades).map_or(0.0, |(ahead, ..)| ahead - z)
+        };
         let normal = Vec3::new(-slope(0.02, 0.0), -slope(0.0, 0.02), 0.02).normalize();
         let mut cover = self.cover(p, &place);
-        if self.patchy {
+        if self.varied {
             cover.reflectance *= self.patches(at.x, at.y);
         }
         Some((Hit { range_m, normal }, cover))
@@ -154,11 +178,15 @@ impl Ground {
     /// Lowest and highest ground [m] in a square of the town.
     pub fn bounds(&self, low: Vector2<f32>, side_m: f32) -> (f32, f32) {
         let steps = (side_m / CELL_M).ceil() as usize + 1;
-        let heights = (0..steps * steps).filter_map(|k| {
+        let spans = (0..steps * steps).filter_map(|k| {
             let at = low + Vector2::new((k % steps) as f32, (k / steps) as f32) * CELL_M;
-            self.sample(at.x, at.y).map(|node| node[0])
+            let [z, x, y] = self.sample(at.x, at.y)?;
+            let p = Point2::new(x, y);
+            let [below, above] = self.plan.style_at(p).roughness_m();
+            let z = z + self.bank(p);
+            Some((z - below, z + above))
         });
-        let (low, high) = heights.fold((f32::MAX, f32::MIN), |(l, h), z| (l.min(z), h.max(z)));
+        let (low, high) = spans.fold((f32::MAX, f32::MIN), |(l, h), (a, b)| (l.min(a), h.max(b)));
         // Gutters and hollows below the relief, kerbs and tufts above it.
         (low - 0.13, high + 0.14)
     }
@@ -182,24 +210,20 @@ impl Ground {
         }))
     }
 
-    /// Sidewalks, and the strips inside them.
-    fn is_paved(&self, p: Point2<f32>, place: &Place) -> bool {
-        let inside = place.outside_m - place.street.sidewalk_m;
-        inside < self.plan.block_at(p).map_or(0.0, |block| self.plan.style(block).paved_m)
-    }
-
     fn cover(&self, p: Point2<f32>, place: &Place) -> Cover {
         if place.outside_m < 0.0 {
             return road_cover(place);
         }
-        let verge_m = self.plan.block_at(p).map_or(0.0, |block| self.plan.style(block).verge_m);
-        let on_verge = (0.2..verge_m).contains(&place.outside_m) && place.from_crossing_m > 6.0;
-        if self.is_paved(p, place) && !on_verge { SIDEWALK } else { TERRAIN }
+        let style = self.plan.style_at(p);
+        let is_paved = place.outside_m - place.street.sidewalk_m < style.paved_m;
+        if is_paved && verge_m(style, place) <= 0.0 { SIDEWALK } else { TERRAIN }
     }
 
-    /// Tufts and unevenness of grass [m]: value noise of two sizes.
-    fn bumps(&self, x: f32, y: f32) -> f32 {
-        0.10 * (self.noise(x * 0.8, y * 0.8) - 0.5) + 0.05 * (self.noise(x * 3.1, y * 3.1) - 0.5)
+    /// Tufts and unevenness of grass [m]: value noise of two sizes, and blades where it is high.
+    fn bumps(&self, style: &BlockStyle, x: f32, y: f32, blades: f32) -> f32 {
+        let wide = self.noise(x * 0.8, y * 0.8);
+        let ground = 0.10 * (wide - 0.5) + 0.05 * (self.noise(x * 3.1, y * 3.1) - 0.5);
+        style.bumps * ground + style.fuzz_m * blades * (2.0 * wide).min(1.5)
     }
 
     fn noise(&self, x: f32, y: f32) -> f32 {
@@ -231,12 +255,23 @@ fn narrow(
     Some(0.5 * (above + below))
 }
 
+/// How far a place lies inside the grass along the kerb [m]; 0 or less off it.
+fn verge_m(style: &BlockStyle, place: &Place) -> f32 {
+    let from_kerb = place.outside_m - 0.2;
+    if style.is_open {
+        return from_kerb;
+    }
+    let to_edge = style.verge_m - place.outside_m;
+    let to_crossing = place.from_crossing_m - 6.0;
+    from_kerb.min(to_crossing).min(to_edge)
+}
+
 /// Height of the street's surface above the relief [m]: crown, gutter, kerb.
-fn street_profile(place: &Place) -> f32 {
+fn street_profile(place: &Place, kerb_m: f32) -> f32 {
     if place.outside_m < 0.0 {
         return 0.01 * (-place.outside_m).min(2.5) - 0.08;
     }
-    (place.outside_m / KERB_WIDTH_M).min(1.0) * KERB_M - 0.08
+    (place.outside_m / KERB_WIDTH_M).min(1.0) * kerb_m - 0.08
 }
 
 fn road_cover(place: &Place) -> Cover {
@@ -276,39 +311,48 @@ fn lattice(seed: u32, i: i32, j: i32) -> f32 {
     ((h ^ (h >> 15)) >> 8) as f32 / 16_777_216.0
 }
 
-impl Relief {
-    fn draw(seed: u64, town: &TownOptions, plan: &Plan) -> Self {
-        let mut random = Random::keyed(seed, Domain::Plan, &[1]);
-        let wave = |random: &mut Random| {
-            let angle = f64::from(random.between(0.0, 6.3));
-            let number = std::f64::consts::TAU / f64::from(random.between(200.0, 320.0));
-            (Vector2::new(angle.cos(), angle.sin()) * number, f64::from(random.between(0.0, 6.3)), 0.7)
-        };
-        let waves = vec![wave(&mut random), wave(&mut random)];
-        let mut hills = Vec::new();
-        let [x0, x1, y0, y1] = plan.extent();
-        let middle = Point2::new(0.5 * (x0 + x1), 0.5 * (y0 + y1));
-        // One hill beside the middle of the town, where drives begin, and others around it.
-        let beside = Vector2::new(random.pick(&[-24.0, 24.0]), random.between(-24.0, 24.0));
-        let around = |length: f32| (0.5 * length / HILL_SPACING_M).ceil() as i32;
-        let (columns, rows) = (around(x1 - x0), around(y1 - y0));
-        for (i, j) in (-columns..=columns).flat_map(|i| (-rows..=rows).map(move |j| (i, j))) {
-            let shift = Vector2::new(random.between(-15.0, 15.0), random.between(-15.0, 15.0));
-            let shift = if (i, j) == (0, 0) { Vector2::zeros() } else { shift };
-            let at = middle + beside + shift + Vector2::new(i as f32, j as f32) * HILL_SPACING_M;
-            let height = if (i, j) == (0, 0) { 1.0 } else { random.between(0.5, 1.0) };
-            let width = f64::from(random.between(28.0, 34.0));
-            hills.push((at.cast::<f64>(), f64::from(town.hill_m * height), width));
-        }
-        Self { waves, hills }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A varied town of open land.
+    fn land(seed: u64) -> Ground {
+        let town = TownOptions { blocks: [4, 4], varied: true, country: 1.0, ..TownOptions::default() };
+        Ground::shape(seed, &town, &Plan::draw(seed, &town), 20.0)
     }
 
-    fn height(&self, q: Point2<f64>) -> f64 {
-        let waves: f64 = self.waves.iter().map(|(k, phase, a)| a * (k.dot(&q.coords) + phase).sin()).sum();
-        let hill = |(middle, height, width): &(Point2<f64>, f64, f64)| {
-            let far = (q - middle).norm_squared() / (2.0 * width * width);
-            if far < 16.0 { height * (-far).exp() } else { 0.0 }
-        };
-        waves + self.hills.iter().map(hill).sum::<f64>()
+    #[test]
+    fn rough_ground_stays_within_its_bounds_and_near_its_height() {
+        let mut steepest = 0.0f32;
+        for seed in 0..8 {
+            let ground = land(seed);
+            for k in 0..1500 {
+                let corner = Vector2::new((k % 39) as f32 * 2.3 - 45.0, (k / 39) as f32 * 2.3 - 45.0);
+                let (low, high) = ground.bounds(corner, 2.0);
+                let at = corner + Vector2::new((k % 7) as f32, (k % 5) as f32) * 0.3;
+                let height = ground.height(Point2::new(at.x.into(), at.y.into())) as f32;
+                for blades in [0.0, 1.0] {
+                    let (z, ..) = ground.surface(at.x, at.y, blades).expect("on the ground");
+                    assert!(low < z && z < high, "{at}: {low} {z} {high}");
+                    assert!((-0.3..0.6).contains(&(z - height)), "{at}: {z} {height}");
+                }
+                steepest = steepest.max(high - low);
+            }
+        }
+        assert!(steepest > 2.0, "no banks: {steepest}");
+    }
+
+    #[test]
+    fn roads_are_as_flat_beside_banks_as_anywhere() {
+        let ground = land(3);
+        let road = (0..2000).filter_map(|k| {
+            let at = Vector2::new((k % 50) as f32 * 1.7 - 42.0, (k / 50) as f32 * 2.1 - 42.0);
+            let (z, place, p) = ground.surface(at.x, at.y, 1.0)?;
+            let is_road = place.outside_m < 0.0;
+            is_road.then_some((z - ground.sample(at.x, at.y)?[0], ground.cover(p, &place)))
+        });
+        let places: Vec<(f32, Cover)> = road.collect();
+        assert!(places.len() > 200);
+        assert!(places.iter().all(|(z, cover)| (-0.081..-0.04).contains(z) && cover.label != 72));
     }
 }

@@ -5,13 +5,15 @@ use nalgebra::{Isometry3, Point2, Vector2};
 use super::{
     barriers::add_fence,
     bodies::Car,
+    curved,
     facade::Facade,
     fleet, open_blocks,
-    plan::{BlockStyle, Purpose, right_of},
+    plan::right_of,
     plants,
     random::Random,
     scene::{Finish, Solid, Surface, rod, solid},
     shape::{Hull, Slab, Vec3},
+    style::{BlockStyle, Purpose},
     town::Site,
 };
 
@@ -131,14 +133,25 @@ fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random)
     let pose = Isometry3::new(foot, Vec3::z() * yaw);
 
     let along = Vector2::new(yaw.cos(), yaw.sin());
-    let mut facade = draw_facade(foot, along, [half_length, half_depth], wall, random);
-    if site.options.varied {
-        vary_facade(&mut facade, random);
+    let plot = curved::Plot {
+        pose,
+        half_m: [half_length, half_depth],
+        z_m: [lowest - floor - 0.5, wall],
+        room_m: house.setback_m,
+        surface: Surface::matte(50, house.reflectance),
+    };
+    if site.options.varied && random.chance(0.06) {
+        return curved::build(site, &plot, random);
     }
-    let plain = Surface::matte(50, house.reflectance);
-    let main =
-        Hull::cuboid([-half_length, half_length], [-half_depth, half_depth], [lowest - floor - 0.5, wall]);
-    let mut parts = vec![solid(main, plain.with(Finish::Facade(site.facades.len() as u32)))];
+    if site.options.varied && random.chance(0.03) {
+        curved::add_turret(site, &plot, random);
+    }
+    let mut facade = Facade::draw(foot, along, plot.half_m, wall, random);
+    if site.options.varied {
+        facade.vary(random);
+    }
+    let main = Hull::cuboid([-half_length, half_length], [-half_depth, half_depth], plot.z_m);
+    let mut parts = vec![solid(main, plot.surface.with(Finish::Facade(site.facades.len() as u32)))];
     site.facades.push(facade);
     parts.push(roof(half_length, half_depth, wall, random));
     add_front_parts(&mut parts, &facade, half_length, half_depth, house, random);
@@ -146,31 +159,6 @@ fn build_house(site: &mut Site, side: &Side, house: &House, random: &mut Random)
         add_relief(&mut parts, [half_length, half_depth], wall, house, random);
     }
     site.solids.extend(parts.iter().map(|solid| solid.moved(&pose)));
-}
-
-fn draw_facade(foot: Vec3, along: Vector2<f32>, half_m: [f32; 2], wall: f32, random: &mut Random) -> Facade {
-    Facade {
-        centre: foot.xy(),
-        along,
-        half_m,
-        floor_m: foot.z + 0.4,
-        storey_m: random.between(2.75, 3.1),
-        top_m: foot.z + wall,
-        pitch_m: random.between(1.9, 3.4),
-        window_m: [random.between(0.9, 1.5), random.between(1.1, 1.7)],
-        sill_m: random.between(0.7, 1.0),
-        recess_m: random.between(0.10, 0.28),
-        irregular: 0,
-    }
-}
-
-/// Shop windows, narrow windows, many or few of them, or none.
-fn vary_facade(facade: &mut Facade, random: &mut Random) {
-    facade.window_m = [random.pick(&[0.7, 1.1, 1.8, 2.8]), random.pick(&[0.8, 1.3, 1.9, 2.3])];
-    facade.pitch_m = facade.window_m[0] + random.pick(&[0.3, 0.8, 1.5, 4.0, 60.0]);
-    facade.sill_m = random.between(0.15, 1.1);
-    facade.recess_m = random.pick(&[0.03, 0.1, 0.2, 0.35, 0.6]);
-    facade.irregular = u64::from(random.chance(0.8)) * (1 + random.below(1 << 30) as u64);
 }
 
 /// Pillars, ledges, awnings, boxes and boards on the four walls.
@@ -182,7 +170,7 @@ fn add_relief(
     random: &mut Random,
 ) {
     let room = house.setback_m.clamp(0.4, 1.5);
-    let most = random.pick(&[4, 12, 30, 60]);
+    let most = random.pick(&[4, 16, 40, 80]);
     for _ in 0..random.below(most) {
         let surface = Surface::matte(50, random.between(0.1, 0.8));
         let at = random.between(-half_length, half_length);

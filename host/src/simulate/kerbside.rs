@@ -5,7 +5,7 @@ use nalgebra::{Point2, Vector2};
 use super::{
     barriers,
     bodies::{self, Car},
-    clutter, fleet, open_blocks,
+    clutter, country, fleet, open_blocks,
     plan::{Course, Street, right_of},
     plants,
     random::{Domain, Random},
@@ -15,26 +15,28 @@ use super::{
 };
 
 /// One side of a street between two crossings, on the plan.
-struct Kerb {
-    street: Street,
+pub struct Kerb {
+    /// The street.
+    pub street: Street,
     /// On the centre line, at the kerb of the first crossing in driving direction.
     origin: Point2<f64>,
     /// Driving direction of this side.
-    along: Vector2<f64>,
+    pub along: Vector2<f64>,
     /// Kerb to kerb of the crossing streets [m].
-    length_m: f32,
+    pub length_m: f32,
     /// Block behind the sidewalk.
     block: Option<[usize; 2]>,
 }
 
 impl Kerb {
     /// A place `along_m` on the way and `outside_m` outside the kerb.
-    fn at(&self, along_m: f32, outside_m: f32) -> Point2<f64> {
+    pub fn at(&self, along_m: f32, outside_m: f32) -> Point2<f64> {
         let out = right_of(self.along) * f64::from(self.street.half_width_m + outside_m);
         self.origin + self.along * f64::from(along_m) + out
     }
 
-    fn outward(&self) -> Vector2<f64> {
+    /// Away from the road.
+    pub fn outward(&self) -> Vector2<f64> {
         right_of(self.along)
     }
 }
@@ -53,10 +55,14 @@ pub fn furnish_streets(site: &mut Site, seed: u64) {
             number += 1;
             let kerb = kerb(site, course, line, part, forward);
             let random = &mut Random::keyed(seed, Domain::Kerb, &[number]);
-            if site.options.varied {
-                furnish_varied(site, &kerb, random);
-            } else {
-                furnish(site, &kerb, random);
+            let is_open = kerb.block.is_some_and(|block| site.plan.style(block).is_open);
+            match () {
+                () if is_open => country::furnish_roadside(site, &kerb, random),
+                () if site.options.varied => furnish_varied(site, &kerb, random),
+                () => furnish(site, &kerb, random),
+            }
+            if forward && kerb.street.half_width_m > 6.5 && random.chance(0.6 * site.options.country) {
+                country::divide_road(site, &kerb, random);
             }
             park_cars(site, &kerb, random);
         }
@@ -132,7 +138,11 @@ fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
             draw if draw < 0.60 => {
                 let facing =
                     if random.chance(0.7) { -kerb.along } else { open_blocks::any_direction(random) };
-                site.stand(&clutter::sign(random), kerb.at(at, 0.5), facing);
+                if draw > 0.54 && kerb.street.sidewalk_m > 2.2 {
+                    advertise(site, kerb, at, facing, random);
+                } else {
+                    site.stand(&clutter::sign(random), kerb.at(at, 0.5), facing);
+                }
             }
             draw if draw < 0.65 => park_bicycles(site, kerb, at, random),
             draw if draw < 0.70 => bollards(site, kerb, at, random),
@@ -160,6 +170,13 @@ fn furnish_varied(site: &mut Site, kerb: &Kerb, random: &mut Random) {
         let ends = [kerb.at(5.5, outside), kerb.at(kerb.length_m - 5.5, outside)];
         barriers::add_barrier(site, ends, random);
     }
+}
+
+/// An advertising panel or column on a wide sidewalk.
+fn advertise(site: &mut Site, kerb: &Kerb, at: f32, facing: Vector2<f64>, random: &mut Random) {
+    let body = if random.chance(0.3) { clutter::column(random) } else { clutter::board(random) };
+    let inset = random.between(0.9, (kerb.street.sidewalk_m - 1.0).max(1.0));
+    site.stand(&body, kerb.at(at, inset), facing);
 }
 
 /// A wall, railing or fence along the kerb or behind the sidewalk.

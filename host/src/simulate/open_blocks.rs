@@ -2,12 +2,14 @@
 
 use nalgebra::{Point2, Vector2};
 
-use super::{bodies, clutter, fleet, plan::Purpose, plants, random::Random, town::Site};
+use super::{bodies, clutter, country, curved, fleet, plants, random::Random, style::Purpose, town::Site};
 
 /// The part of a block inside its sidewalks, on the plan.
-struct Yard {
-    low: Point2<f64>,
-    high: Point2<f64>,
+pub struct Yard {
+    /// Lower corner [m].
+    pub low: Point2<f64>,
+    /// Upper corner [m].
+    pub high: Point2<f64>,
 }
 
 impl Yard {
@@ -21,12 +23,14 @@ impl Yard {
         }
     }
 
-    fn anywhere(&self, random: &mut Random) -> Point2<f64> {
+    /// Any place in it.
+    pub fn anywhere(&self, random: &mut Random) -> Point2<f64> {
         let share = Vector2::new(random.unit().into(), random.unit().into());
         self.low + (self.high - self.low).component_mul(&share)
     }
 
-    fn area_m2(&self) -> f64 {
+    /// Its area.
+    pub fn area_m2(&self) -> f64 {
         let size = self.high - self.low;
         size.x * size.y
     }
@@ -44,6 +48,7 @@ pub fn fill(site: &mut Site, block: [usize; 2], purpose: Purpose, random: &mut R
     match purpose {
         Purpose::Square => fill_square(site, &yard, random),
         Purpose::CarPark => fill_car_park(site, &yard, random),
+        Purpose::Field => country::fill_field(site, &yard, random),
         _ => fill_thicket(site, &yard, random),
     }
 }
@@ -52,6 +57,9 @@ fn fill_square(site: &mut Site, yard: &Yard, random: &mut Random) {
     let beds = 1 + random.below(6);
     for _ in 0..beds {
         plant_bed(site, yard.anywhere(random), random);
+    }
+    if random.chance(0.2) {
+        curved::add_rotunda(site, yard, random);
     }
     let density = f64::from(random.between(0.01, 0.05));
     for _ in 0..(density * yard.area_m2()) as usize {
@@ -63,7 +71,9 @@ fn fill_square(site: &mut Site, yard: &Yard, random: &mut Random) {
 /// Puts one thing that stands about in open places.
 pub fn furnish_place(site: &mut Site, at: Point2<f64>, random: &mut Random) {
     let facing = any_direction(random);
-    match random.below(22) {
+    match random.below(24) {
+        23 => site.stand(&clutter::column(random), at, facing),
+        22 => site.stand(&clutter::board(random), at, facing),
         21 => {
             let body = fleet::tall(site.instance(), random);
             site.park(&body, at, facing, [1.3, 0.75]);
@@ -148,13 +158,19 @@ fn plant_bed(site: &mut Site, at: Point2<f64>, random: &mut Random) {
 pub fn plant_strip(site: &mut Site, [from, to]: [Point2<f64>; 2], width_m: f32, random: &mut Random) {
     let height_m = if random.chance(0.6) { random.between(0.2, 0.9) } else { random.between(0.9, 2.4) };
     let clipped = width_m < 2.5 && random.chance(0.35);
+    let across = Vector2::new(from.y - to.y, to.x - from.x).normalize();
+    let middle = from + (to - from) * 0.5;
+    let drop_m = site.foot(middle + across * f64::from(width_m)).z - site.foot(middle).z;
+    // On a slope each lane stands at its own height.
+    let lanes = if drop_m.abs() > 0.25 { width_m.ceil() } else { 1.0 };
     let pieces = ((to - from).norm() / 3.0).ceil().max(1.0) as usize;
-    let end = |site: &Site, k: usize| site.foot(from + (to - from) * (k as f64 / pieces as f64));
-    for piece in 0..pieces {
-        let ends = [end(site, piece), end(site, piece + 1)];
+    for (lane, piece) in (0..lanes as usize).flat_map(|lane| (0..pieces).map(move |piece| (lane, piece))) {
+        let shift = across * f64::from(width_m * lane as f32 / lanes);
+        let end = |k: usize| site.foot(from + shift + (to - from) * (k as f64 / pieces as f64));
+        let ends = [end(piece), end(piece + 1)];
         let grow = if clipped { plants::clipped } else { plants::shrubs };
         let height_m = height_m * if clipped { 1.0 } else { random.between(0.85, 1.1) };
-        site.solids.extend(grow(ends[0], ends[1], height_m, width_m, random));
+        site.solids.extend(grow(ends[0], ends[1], height_m, width_m / lanes, random));
     }
 }
 

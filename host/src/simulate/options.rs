@@ -138,6 +138,8 @@ pub struct TownOptions {
     pub varied: bool,
     /// Share of the blocks of a varied town that are those of a city centre, 0 to 1: closed rows of high houses.
     pub centre: f32,
+    /// Share of the blocks of a varied town that are open land, 0 to 1; its streets are wide and have no sidewalks.
+    pub country: f32,
 }
 
 impl Default for Options {
@@ -229,6 +231,7 @@ impl TownOptions {
             () if !(0.0..=5.0).contains(&self.vegetation) => refuse("town.vegetation", "0 to 5"),
             () if !(0.0..=1.0).contains(&self.parked) => refuse("town.parked", "0 to 1"),
             () if !(0.0..=1.0).contains(&self.centre) => refuse("town.centre", "0 to 1"),
+            () if !(0.0..=1.0).contains(&self.country) => refuse("town.country", "0 to 1"),
             () => Ok(()),
         }
     }
@@ -260,6 +263,7 @@ impl Default for TownOptions {
             parked: 0.5,
             varied: false,
             centre: 0.0,
+            country: 0.0,
         }
     }
 }
@@ -281,5 +285,6 @@ mod tests {
         assert!(wrong(|o| o.speed_mps = f64::NAN).contains("speed_mps"));
         assert!(wrong(|o| o.sensor.columns = 1).contains("sensor.columns"));
         assert!(wrong(|o| o.town.blocks = [1, 5]).contains("town.blocks"));
+        assert!(wrong(|o| o.town.country = 1.5).contains("town.country"));
     }
 }

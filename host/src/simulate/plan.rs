@@ -6,6 +6,7 @@ use nalgebra::{Point2, Rotation2, Vector2};
 use super::{
     options::TownOptions,
     random::{Domain, Random},
+    style::{BlockStyle, Kind, OUTSIDE, draw_style, draw_varied_style},
 };
 
 /// A street of the plan.
@@ -26,40 +27,6 @@ impl Street {
     pub fn reach_m(&self) -> f32 {
         self.half_width_m + self.sidewalk_m
     }
-}
-
-/// How a block is built up.
-#[derive(Clone, Copy, Debug)]
-pub struct BlockStyle {
-    /// Sidewalk to house front [m].
-    pub setback_m: f32,
-    /// Width of the paved strip inside the sidewalk [m]; beyond it is grass.
-    pub paved_m: f32,
-    /// Width of the grass from the kerb inwards [m], 0 = none; may be wider than the sidewalk.
-    pub verge_m: f32,
-    /// What the block is for.
-    pub purpose: Purpose,
-    /// Storeys of an ordinary house.
-    pub storeys: f32,
-    /// Gap between neighbours [m].
-    pub gap_m: f32,
-    /// Trees at the kerb instead of in the gardens.
-    pub avenue_trees: bool,
-}
-
-/// What a block is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
-    /// Houses along its edges.
-    Houses,
-    /// Grass and trees.
-    Park,
-    /// A paved place with people, beds and furniture.
-    Square,
-    /// Rows of parked vehicles.
-    CarPark,
-    /// Bushes and undergrowth.
-    Thicket,
 }
 
 /// Direction in which a street runs on the plan.
@@ -123,7 +90,7 @@ impl Plan {
         let styles = (0..town.blocks[0] * town.blocks[1])
             .map(|k| {
                 if town.varied {
-                    draw_varied_style(town.centre, &mut random)
+                    draw_varied_style(town, &mut random)
                 } else {
                     draw_style(kind(k), &mut random)
                 }
@@ -185,6 +152,21 @@ impl Plan {
     /// Style of the block whose lower left crossing is this one.
     pub fn style(&self, block: [usize; 2]) -> &BlockStyle {
         &self.styles[block[0] * (self.streets.len() - 1) + block[1]]
+    }
+
+    /// Style of the block that a point lies in.
+    pub fn style_at(&self, p: Point2<f32>) -> &BlockStyle {
+        self.block_at(p).map_or(&OUTSIDE, |block| self.style(block))
+    }
+
+    /// How far a point lies inside a block [m]: from the kerb, or from the inner edge of the sidewalk.
+    pub fn depth_m(&self, p: Point2<f32>, [i, j]: [usize; 2], from_kerb: bool) -> f32 {
+        let edge = |s: &Street| if from_kerb { s.half_width_m } else { s.reach_m() };
+        let within = |streets: &[Street], k: usize, c: f32| {
+            let (low, high) = (&streets[k], &streets[k + 1]);
+            (c - low.centre_m - edge(low)).min(high.centre_m - edge(high) - c)
+        };
+        rounded_corner(within(&self.avenues, i, p.x), within(&self.streets, j, p.y))
     }
 
     /// The block that a point lies in, centre lines taken as its edges; `None` outside the town.
@@ -269,15 +251,20 @@ fn draw_streets(town: &TownOptions, axis: usize, random: &mut Random) -> Vec<Str
             parking_m,
             sidewalk_m: random.between(1.9, 2.8),
         };
-        streets.push(if town.varied { vary_street(street, town.centre, random) } else { street });
+        streets.push(if town.varied { vary_street(street, town, random) } else { street });
         centre_m += gaps.get(k).copied().unwrap_or(0.0);
     }
     streets
 }
 
-/// More lanes, bays for parking across, narrow and wide sidewalks; in the centre narrow streets.
-fn vary_street(street: Street, centre: f32, random: &mut Random) -> Street {
-    if random.chance(0.8 * centre) {
+/// More lanes, bays for parking across, narrow and wide sidewalks; in the centre narrow streets, in the country wide
+/// ones.
+fn vary_street(street: Street, town: &TownOptions, random: &mut Random) -> Street {
+    if random.chance(town.country) {
+        let half_width_m = 3.3 + random.pick(&[0.0, 0.5, 2.5, 4.0, 7.0]);
+        return Street { half_width_m, parking_m: 0.0, sidewalk_m: random.between(1.9, 2.8), ..street };
+    }
+    if random.chance(0.8 * town.centre) {
         let parking_m = random.pick(&[0.0, 0.0, 2.0]);
         let sidewalk_m = random.pick(&[0.8, 1.3, 2.0, 3.5, 6.0]) + random.between(0.0, 0.7);
         return Street { half_width_m: 3.3 + parking_m, parking_m, sidewalk_m, ..street };
@@ -289,78 +276,6 @@ fn vary_street(street: Street, centre: f32, random: &mut Random) -> Street {
         parking_m,
         sidewalk_m: random.pick(&[1.3, 1.8, 2.4, 3.0, 4.5, 6.0]) + random.between(0.0, 0.5),
         ..street
-    }
-}
-
-/// What blocks are for; any two neighbours differ.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Centre,
-    Homes,
-    Park,
-}
-
-impl Kind {
-    const ALL: [Self; 5] = [Self::Centre, Self::Homes, Self::Park, Self::Homes, Self::Homes];
-}
-
-/// A block of a varied town: its properties are drawn one by one.
-fn draw_varied_style(centre: f32, random: &mut Random) -> BlockStyle {
-    if random.chance(centre) {
-        return BlockStyle {
-            setback_m: random.pick(&[0.0, 0.1, 0.8, 2.0]) + random.between(0.0, 0.5),
-            storeys: random.pick(&[2.0, 3.0, 4.0, 5.0]),
-            gap_m: random.pick(&[0.05, 0.05, 0.2, 3.5]),
-            paved_m: 60.0,
-            verge_m: 0.0,
-            avenue_trees: random.chance(0.4),
-            purpose: if random.chance(0.7) { Purpose::Houses } else { Purpose::Square },
-        };
-    }
-    let purpose = match random.below(18) {
-        0..9 => Purpose::Houses,
-        9..12 => Purpose::Park,
-        12..15 => Purpose::Square,
-        15 => Purpose::CarPark,
-        _ => Purpose::Thicket,
-    };
-    let setback_m = random.pick(&[0.1, 0.3, 1.5, 3.0, 4.5, 7.0]) + random.between(0.0, 1.5);
-    let paved_m = match purpose {
-        Purpose::Square | Purpose::CarPark => 200.0,
-        Purpose::Houses if setback_m < 2.0 || random.chance(0.25) => 60.0,
-        _ => random.between(0.0, 0.6),
-    };
-    BlockStyle {
-        setback_m,
-        paved_m,
-        verge_m: random.pick(&[0.0, 0.95, 1.2, 8.0, 8.0]),
-        purpose,
-        storeys: random.pick(&[1.0, 2.0, 2.5, 3.0, 4.0, 5.0]),
-        gap_m: random.pick(&[0.2, 0.3, 2.0, 4.0, 7.0]),
-        avenue_trees: random.chance(0.45),
-    }
-}
-
-fn draw_style(kind: Kind, random: &mut Random) -> BlockStyle {
-    if kind == Kind::Centre {
-        return BlockStyle {
-            setback_m: random.between(0.2, 1.2),
-            paved_m: 30.0,
-            verge_m: 0.0,
-            purpose: Purpose::Houses,
-            storeys: random.between(3.0, 4.9),
-            gap_m: 0.3,
-            avenue_trees: random.chance(0.6),
-        };
-    }
-    BlockStyle {
-        setback_m: random.between(2.1, 4.0),
-        paved_m: random.between(0.0, 0.4),
-        verge_m: if random.chance(0.5) { 0.95 } else { 0.0 },
-        purpose: if kind == Kind::Homes { Purpose::Houses } else { Purpose::Park },
-        storeys: random.between(1.6, 2.9),
-        gap_m: random.between(3.0, 6.0),
-        avenue_trees: random.chance(0.45),
     }
 }
 

@@ -53,15 +53,17 @@ fn randomised_sensor(seed: u64, random: &mut Random) -> SensorOptions {
 
 fn randomised_town(random: &mut Random) -> TownOptions {
     let shortest = random.between(42.0, 80.0);
+    let country = if random.chance(0.1) { random.between(0.85, 1.0) } else { 0.0 };
     TownOptions {
         blocks: [4, 4],
         block_length_m: [shortest, shortest + random.between(10.0, 50.0)],
         hill_m: random.between(0.0, 6.0),
         bend_m: random.between(0.0, 5.0),
         vegetation: random.pick(&[0.15, 0.3, 0.6, 1.0, 2.0]),
-        parked: random.between(0.05, 0.8),
+        parked: random.between(0.05, 0.8) * (1.0 - country),
         varied: true,
         centre: random.pick(&[0.0, 0.0, 0.1, 0.5, 0.8, 0.95, 1.0]),
+        country,
     }
 }
 

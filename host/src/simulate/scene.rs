@@ -78,6 +78,12 @@ pub fn rod(surface: Surface, from: impl Into<Vec3>, to: impl Into<Vec3>, radius_
     Solid { shape: Shape::Capsule { a: from.into(), b: to.into(), radius_m }, surface }
 }
 
+/// An upright cylinder around the z axis between two heights.
+pub fn drum(surface: Surface, radius_m: f32, z: [f32; 2]) -> Solid {
+    let hull = Hull::cuboid([-radius_m, radius_m], [-radius_m, radius_m], z);
+    Solid { shape: Shape::Drum { axis: Vec3::zeros(), radius_m, hull }, surface }
+}
+
 /// What a ray met.
 #[derive(Clone, Copy, Debug)]
 pub struct Echo {
@@ -130,6 +136,8 @@ pub struct Scene {
     ground_bounds: Vec<(f32, f32)>,
 }
 
+/// Number of the grass among the things that a ray may meet; solids have lower ones.
+const BLADES: u64 = 1 << 62;
 /// Side of a cell of the scene's grid [m].
 const CELL_M: f32 = 2.0;
 
@@ -150,6 +158,7 @@ impl Scene {
 
     /// What the ray meets first, nearer than `limit_m`.
     pub fn cast(&self, ray: &Ray, key: RayKey, limit_m: f32) -> Option<Echo> {
+        let blades = if self.ground.has_blades() { Random::hashed(combine(key, BLADES)).unit() } else { 0.0 };
         for step in self.grid.walk(ray, limit_m) {
             let lowest = ray.at(step.from_m).z.min(ray.at(step.to_m).z);
             let mut found = None;
@@ -160,7 +169,7 @@ impl Scene {
             found = found.filter(|echo: &Echo| echo.hit.range_m <= step.to_m + 0.3);
             if lowest <= self.ground_bounds[step.cell].1 {
                 let end = found.map_or(step.to_m, |echo| echo.hit.range_m.min(step.to_m));
-                found = self.hit_ground(ray, step.from_m..end, self.ground_bounds[step.cell]).or(found);
+                found = self.hit_ground(ray, step.from_m..end, step.cell, blades).or(found);
             }
             if found.is_some() {
                 return found;
@@ -174,12 +183,12 @@ impl Scene {
         first_hit(here, &self.facades, ray, key, limit_m)
     }
 
-    fn hit_ground(&self, ray: &Ray, span: Range<f32>, heights: (f32, f32)) -> Option<Echo> {
-        let span = between_heights(ray, span, heights);
+    fn hit_ground(&self, ray: &Ray, span: Range<f32>, cell: usize, blades: f32) -> Option<Echo> {
+        let span = between_heights(ray, span, self.ground_bounds[cell]);
         if span.is_empty() {
             return None;
         }
-        let (hit, cover) = self.ground.hit(ray, span.start, span.end)?;
+        let (hit, cover) = self.ground.hit(ray, span.start, span.end, blades)?;
         Some(Echo { hit, surface: Surface::matte(cover.label, cover.reflectance) })
     }
 

@@ -100,6 +100,12 @@ impl Hull {
     }
 
     fn hit(&self, ray: &Ray) -> Option<Hit> {
+        let (range_m, _, normal) = self.cross(ray)?;
+        normal.map(|normal| Hit { range_m, normal })
+    }
+
+    /// Ranges at which the ray enters and leaves, and the normal where it enters; none if it starts inside.
+    fn cross(&self, ray: &Ray) -> Option<(f32, f32, Option<Vec3>)> {
         let (mut enter, mut leave, mut normal) = (0.0f32, f32::INFINITY, None);
         for face in &self.faces {
             let gap = face.offset - face.normal.dot(&ray.origin);
@@ -120,7 +126,7 @@ impl Hull {
                 return None;
             }
         }
-        normal.map(|normal| Hit { range_m: enter, normal })
+        Some((enter, leave, normal))
     }
 
     fn moved(&self, pose: &Isometry3<f32>) -> Self {
@@ -149,6 +155,15 @@ pub enum Shape {
         /// Radius [m].
         radius_m: f32,
     },
+    /// What lies both in an upright cylinder and in a convex solid.
+    Drum {
+        /// A point of the axis [m].
+        axis: Vec3,
+        /// Radius [m].
+        radius_m: f32,
+        /// The solid.
+        hull: Hull,
+    },
     /// A spheroid full of leaves or twigs: a ray gets some way into it, or through.
     Clump {
         /// Centre [m].
@@ -168,6 +183,7 @@ impl Shape {
         match self {
             Self::Hull(hull) => hull.hit(ray),
             Self::Capsule { a, b, radius_m } => hit_capsule(ray, *a, *b, *radius_m),
+            Self::Drum { axis, radius_m, hull } => hit_drum(ray, *axis, *radius_m, hull),
             Self::Clump { centre, radius_m, half_height_m, free_path_m } => {
                 let (enter, leave) = cross_spheroid(ray, *centre, *radius_m, *half_height_m)?;
                 let range_m = enter + free_path_m * random().exponential();
@@ -176,13 +192,16 @@ impl Shape {
         }
     }
 
-    /// This shape moved from a body's frame into the town's. Clumps keep their axis upright.
+    /// This shape moved from a body's frame into the town's. Clumps and drums keep their axis upright.
     pub fn moved(&self, pose: &Isometry3<f32>) -> Self {
         let place = |p: &Vec3| (pose * Point3::from(*p)).coords;
         match self {
             Self::Hull(hull) => Self::Hull(hull.moved(pose)),
             Self::Capsule { a, b, radius_m } => {
                 Self::Capsule { a: place(a), b: place(b), radius_m: *radius_m }
+            }
+            Self::Drum { axis, radius_m, hull } => {
+                Self::Drum { axis: place(axis), radius_m: *radius_m, hull: hull.moved(pose) }
             }
             Self::Clump { centre, radius_m, half_height_m, free_path_m } => Self::Clump {
                 centre: place(centre),
@@ -196,7 +215,7 @@ impl Shape {
     /// Lowest and highest corner of the upright box around this shape.
     pub fn bounds(&self) -> (Vec3, Vec3) {
         match self {
-            Self::Hull(hull) => hull
+            Self::Hull(hull) | Self::Drum { hull, .. } => hull
                 .corners
                 .iter()
                 .skip(1)
@@ -211,6 +230,24 @@ impl Shape {
             }
         }
     }
+}
+
+fn hit_drum(ray: &Ray, axis: Vec3, radius_m: f32, hull: &Hull) -> Option<Hit> {
+    let (mut enter, leave, mut normal) = hull.cross(ray)?;
+    let (from, rate) = (ray.origin.xy() - axis.xy(), ray.direction.xy());
+    let rate2 = rate.norm_squared().max(1e-9);
+    let closest = -from.dot(&rate) / rate2;
+    let half = ((radius_m * radius_m - (from + rate * closest).norm_squared()) / rate2).sqrt();
+    // Not a number if the ray misses the cylinder: then no comparison holds.
+    if !(closest - half < leave && closest + half > enter) {
+        return None;
+    }
+    if closest - half > enter {
+        enter = closest - half;
+        let out = (from + rate * enter) / radius_m;
+        normal = Some(Vec3::new(out.x, out.y, 0.0));
+    }
+    normal.map(|normal| Hit { range_m: enter, normal })
 }
 
 fn hit_capsule(ray: &Ray, a: Vec3, b: Vec3, radius_m: f32) -> Option<Hit> {
@@ -280,6 +317,18 @@ mod tests {
         assert_eq!(range(&cuboid, &ray([10.0, 0.0, 1.0], [-1.0, 0.0, 0.0])), Some(4.0));
         assert_eq!(range(&cuboid, &ray([0.0, 1.5, 1.0], [1.0, 0.0, 0.0])), None);
         assert_eq!(range(&cuboid, &ray([0.0, 0.0, 1.0], [-1.0, 0.0, 0.0])), None);
+    }
+
+    #[test]
+    fn drum_is_round_where_the_hull_does_not_cut_it() {
+        let hull = Hull::cuboid([-9.0, 9.0], [-3.0, 3.0], [0.0, 2.0]);
+        let drum = Shape::Drum { axis: Vec3::zeros(), radius_m: 5.0, hull };
+        let from_left = |y: f32, z: f32| range(&drum, &ray([-20.0, y, z], [1.0, 0.0, 0.0]));
+        assert!((from_left(0.0, 1.0).expect("hit") - 15.0).abs() < 1e-4);
+        assert!((from_left(-2.99, 1.0).expect("hit") - 15.99).abs() < 0.02);
+        assert_eq!((from_left(3.1, 1.0), from_left(0.0, 2.1)), (None, None));
+        let front = range(&drum, &ray([1.0, -20.0, 1.0], [0.0, 1.0, 0.0]));
+        assert!((front.expect("hit") - 17.0).abs() < 1e-4);
     }
 
     #[test]
