@@ -55,6 +55,7 @@ class Residual(nn.Module):
         self.second = nn.Sequential(
             nn.Conv2d(channels, channels, 3, 1, 1, bias=False), nn.BatchNorm2d(channels)
         )
+        nn.init.zeros_(self.second[1].weight)  # Begins as the identity.
 
     def forward(self, x):
         return F.relu(x + self.second(self.first(x)))
@@ -69,14 +70,14 @@ class Net(nn.Module):
         self.down2 = nn.Sequential(conv(8, a, 2), conv(a, a))
         self.down4 = nn.Sequential(conv(a, b, 2), Residual(b))
         self.down8 = nn.Sequential(conv(b, c, 2), Residual(c), Residual(c, 2))
-        self.down16 = nn.Sequential(conv(c, d, 2), Residual(d, 2))
+        self.down16 = nn.Sequential(conv(c, d, 2), Residual(d, 2), Residual(d, 4), Residual(d, 2))
         self.up8, self.mix8 = up(d, c), conv(c, c)
         self.up4, self.mix4 = up(c, b), conv(b, b)
         self.up2, self.mix2 = up(b, a), conv(a, a)
         self.head = nn.ConvTranspose2d(a, len(CLASSES), 2, 2)
 
     def forward(self, image):
-        with torch.autocast("cpu", enabled=False):
+        with torch.autocast(image.device.type, enabled=False):
             features = self.features(image)
         x2 = self.down2(features)
         x4 = self.down4(x2)

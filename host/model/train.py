@@ -6,50 +6,69 @@ import math
 import time
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch.nn import functional as F
 
-from data import CLASSES, GROUPS, augment, compact, mix, read, scans, sector
+from augment import Draw, batch
+from data import CLASSES, GROUPS, compact, is_whole, scans
 from net import Net
 
 
-class Sectors(torch.utils.data.IterableDataset):
-    """Augmented parts of scans without end. Each round looks for new scans, so that they may be made meanwhile.
-
-    Scans are kept in memory, 400 KB each.
-    """
+class Store:
+    """Compact scans in the memory of the device, 400 KB each. Other processes read them."""
 
     def __init__(self, args):
-        self.args = args
+        self.args, self.seen, self.coming, self.count = args, set(), [], 0
+        self.images = [torch.empty(0, device=args.device)] * 4
+        self.pool = torch.multiprocessing.get_context("spawn").Pool(args.workers)
 
-    def worker(self):
-        info = torch.utils.data.get_worker_info()
-        return info.id if info else 0
+    def look(self):
+        """Has the scans read that are new in the folders."""
+        for pair in scans(self.args.folders, self.args.every):
+            if pair not in self.seen and is_whole(pair):
+                self.seen.add(pair)
+                self.coming.append(self.pool.apply_async(compact, (pair, self.args.height, self.args.width)))
 
-    def __iter__(self):
-        args, random, seen = self.args, np.random.default_rng([self.args.seed, self.worker()]), {}
+    def take(self, wait=False):
+        """Adds the scans that have been read; with `wait`, all that were found."""
+        coming, self.coming = self.coming, []
+        for result in coming:
+            if wait or result.ready():
+                try:
+                    self.add(result.get())
+                except FileNotFoundError:
+                    pass
+            else:
+                self.coming.append(result)
 
-        def part(pair):
-            if pair not in seen:
-                seen[pair] = compact(pair, args.height, args.width)
-            return sector(seen[pair], int(args.width * args.share), random)
+    def add(self, scan):
+        if self.count == len(self.images[0]):
+            self.images = [self.grown(old, torch.from_numpy(new)) for old, new in zip(self.images, scan)]
+        for old, new in zip(self.images, scan):
+            old[self.count] = torch.from_numpy(new)
+        self.count += 1
 
-        while True:
-            pairs = scans(args.folders, args.every)
-            for index in random.permutation(len(pairs)):
-                other = list(seen)[random.integers(len(seen))] if seen else pairs[index]
-                image, classes = augment(mix(part(pairs[index]), part(other), random), random)
-                yield image, classes.astype(np.int64)
+    def grown(self, old, scan):
+        more = torch.empty(max(1000, len(old) // 2), *scan.shape, dtype=scan.dtype, device=self.args.device)
+        return torch.cat([old[: self.count].view(-1, *scan.shape).to(scan.dtype), more])
 
+    def batches(self):
+        """Training images without end. Scans may be made while training runs."""
+        draw, columns = Draw(self.args.device, self.args.seed), int(self.args.width * self.args.share)
+        for step in range(1 << 62):
+            if step % 200 == 0:
+                self.look()
+                self.take(wait=step == 0)
+            yield batch([image[: self.count] for image in self.images], self.args.batch, columns, draw)
 
-def class_weights(pairs):
-    """Rare classes count more, but not so much that they win where they are not."""
-    counts = sum(np.bincount(read(pair)[1], minlength=len(CLASSES)) for pair in pairs[:: max(1, len(pairs) // 100)])
-    share = np.maximum(counts / counts[1:].sum(), 1e-3)
-    weights = share**-0.3
-    weights[0] = 0
-    return torch.tensor(weights / (weights * share)[1:].sum(), dtype=torch.float32)
+    def class_weights(self):
+        """Rare classes count more, but not so much that they win where they are not."""
+        some = self.images[3][: self.count : max(1, self.count // 200)].flatten().long()
+        counts = torch.bincount(some, minlength=len(CLASSES)).float()
+        share = (counts / counts[1:].sum()).clamp(min=1e-3)
+        weights = share**-0.3
+        weights[0] = 0
+        return weights / (weights * share)[1:].sum()
 
 
 def lovasz(shares, target):
@@ -78,10 +97,10 @@ def group_of_class():
 def loss_of(logits, classes, weights, groups):
     """Cross entropy of the classes, and the IoU of the groups, at some of the pixels: all would cost more than the network."""
     known = (classes.flatten() > 0).nonzero().flatten()
-    some = known[torch.randint(len(known), (len(known) // 3,))]
+    some = known[torch.randint(len(known), (len(known) // 3,), device=known.device)]
     logits = logits.permute(0, 2, 3, 1).reshape(-1, logits.shape[1])[some].float()
     target = classes.flatten()[some]
-    few = slice(0, 30000)
+    few = slice(0, max(30000, len(some) // 10))
     shares = logits[few].softmax(1) @ groups
     return F.cross_entropy(logits, target, weights) + lovasz(shares, groups.argmax(1)[target[few]])
 
@@ -92,19 +111,20 @@ def save(path, net, args):
     )
 
 
-def train(net, batches, weights, args):
+def train(net, store, args):
     """AdamW; the rate rises and falls with the time spent. Keeps and saves a running mean of the weights."""
     optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.01, fused=True)
-    groups = group_of_class()
+    batches, groups = store.batches(), group_of_class().to(args.device)
+    image, classes = next(batches)
+    weights = store.class_weights()
+    print(f"{store.count} scans, {sum(p.numel() for p in net.parameters())} parameters", flush=True)
     forward = torch.compile(net) if args.compile else net
     mean, start, shown, step, spent = copy.deepcopy(net), time.time(), 0.0, 0, 0.0
-    for step, (image, classes) in enumerate(batches, 1):
-        spent = (time.time() - start) / (60 * args.minutes)
-        if spent > 1:
-            break
+    while spent < 1:
+        step += 1
         for group in optimiser.param_groups:
             group["lr"] = args.rate * min(1, step / 50, 0.01 + 0.5 * (1 + math.cos(math.pi * spent)))
-        with torch.autocast("cpu", torch.bfloat16, enabled=args.bf16):
+        with torch.autocast(image.device.type, torch.bfloat16, enabled=args.bf16):
             logits = forward(image.to(memory_format=torch.channels_last))
         loss = loss_of(logits, classes, weights, groups)
         optimiser.zero_grad()
@@ -112,17 +132,19 @@ def train(net, batches, weights, args):
         torch.nn.utils.clip_grad_norm_(net.parameters(), 2.0)
         optimiser.step()
         follow(mean, net, min(0.998, (1 + step) / (10 + step)))
-        shown += (loss.item() - shown) / min(step, 50)
+        shown = shown + (loss.detach() - shown) / min(step, 50)
+        spent = (time.time() - start) / (60 * args.minutes)
         if step % 50 == 0:
-            print(f"step {step}, {spent:.0%} of the time: loss {shown:.3f}", flush=True)
+            print(f"step {step}, {spent:.0%} of the time, {store.count} scans: loss {shown:.3f}", flush=True)
             save(args.out, mean, args)
+        image, classes = next(batches)
     save(args.out, mean, args)
 
 
+@torch.no_grad()
 def follow(mean, net, keep):
-    with torch.no_grad():
-        for a, b in zip(mean.state_dict().values(), net.state_dict().values()):
-            a.lerp_(b, 1 - keep) if a.is_floating_point() else a.copy_(b)
+    for a, b in zip(mean.state_dict().values(), net.state_dict().values()):
+        a.lerp_(b, 1 - keep) if a.is_floating_point() else a.copy_(b)
 
 
 def main():
@@ -131,6 +153,7 @@ def main():
     parser.add_argument("--out", type=Path, default=Path("net.pt"))
     parser.add_argument("--start", type=Path, help="a checkpoint to go on from")
     parser.add_argument("--minutes", type=float, default=90, help="how long to train")
+    parser.add_argument("--device", default="cpu", help="cpu or cuda")
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--every", type=int, default=1, help="take every n-th scan")
     parser.add_argument("--rate", type=float, default=3e-3)
@@ -139,21 +162,18 @@ def main():
     parser.add_argument("--share", type=float, default=0.5, help="part of the turn in a training image")
     parser.add_argument("--channels", type=int, nargs=4, default=[24, 48, 64, 96])
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=0, help="processes that prepare images")
-    parser.add_argument("--bf16", action="store_true", help="convolve in bfloat16: faster on CPUs that can")
+    parser.add_argument("--workers", type=int, default=1, help="processes that read scans")
+    parser.add_argument("--bf16", action="store_true", help="convolve in bfloat16: faster on GPUs, and on CPUs that can")
     parser.add_argument("--compile", action="store_true", help="fuse operations: faster, needs a C++ compiler")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
 
     torch.set_num_threads(args.threads)
     torch.manual_seed(args.seed)
-    pairs = scans(args.folders, args.every)
-    weights = class_weights(pairs)
-    net = Net(*args.channels).to(memory_format=torch.channels_last)
+    net = Net(*args.channels).to(args.device, memory_format=torch.channels_last)
     if args.start:
-        net.load_state_dict(torch.load(args.start, weights_only=True)["weights"])
-    print(f"{len(pairs)} scans, {sum(p.numel() for p in net.parameters())} parameters")
-    train(net, torch.utils.data.DataLoader(Sectors(args), args.batch, num_workers=args.workers), weights, args)
+        net.load_state_dict(torch.load(args.start, weights_only=True, map_location=args.device)["weights"])
+    train(net, Store(args), args)
 
 
 if __name__ == "__main__":
