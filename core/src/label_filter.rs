@@ -16,6 +16,8 @@ pub struct Config {
     pub max_range_m: f32,
     /// Points whose class is less certain than this are dropped, 0..255.
     pub min_confidence: u8,
+    /// The same for points of the ground, 0..255: the foot of a thing, taken for ground, lifts it.
+    pub min_ground_confidence: u8,
     /// Side of a cell of ground [m].
     pub ground_cell_m: f32,
     /// Side of a cell of buildings, fences, vegetation and other structures [m].
@@ -32,11 +34,22 @@ impl Config {
         min_range_m: 2.0,
         max_range_m: 100.0,
         min_confidence: 0,
+        min_ground_confidence: 135,
         ground_cell_m: 0.6,
         large_cell_m: 0.4,
         small_cell_m: 0.15,
         movable_cell_m: 0.2,
     };
+
+    /// Least confidence of the points of a class.
+    const fn least_confidence(&self, class: SemanticClass) -> u8 {
+        match class.motion() {
+            MotionClass::Ground if self.min_ground_confidence > self.min_confidence => {
+                self.min_ground_confidence
+            }
+            _ => self.min_confidence,
+        }
+    }
 
     /// Side [m] of the cells of a class.
     pub const fn cell_side_m(&self, class: SemanticClass) -> f32 {
@@ -89,7 +102,7 @@ pub fn filter<const CELLS: usize>(
     cells.clear();
     let by_class = SemanticClass::ALL.map(|class| {
         let side = config.cell_side_m(class);
-        (class.motion(), side, 1.0 / side)
+        (class.motion(), side, 1.0 / side, config.least_confidence(class))
     });
     let (min2, max2) = (config.min_range_m * config.min_range_m, config.max_range_m * config.max_range_m);
     let mut counts = PointCounts { received: points.len() as u32, ..PointCounts::default() };
@@ -97,14 +110,14 @@ pub fn filter<const CELLS: usize>(
         point.landmark = LabelledPoint::NO_LANDMARK;
         let [x, y, z] = point.position;
         let range2 = x * x + y * y + z * z;
-        let (motion, side, inverse) = by_class[point.class as usize];
+        let (motion, side, inverse, least_confidence) = by_class[point.class as usize];
         if !range2.is_finite() && !point.position.iter().all(|v| v.is_finite()) {
             counts.not_finite += 1;
         } else if !(min2..=max2).contains(&range2) {
             counts.out_of_range += 1;
         } else if motion == MotionClass::Dropped {
             counts.unlabelled += 1;
-        } else if point.confidence < config.min_confidence {
+        } else if point.confidence < least_confidence {
             counts.unsure += 1;
         } else {
             match cells.add(point.position, point.class, side, inverse) {

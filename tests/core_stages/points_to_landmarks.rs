@@ -65,16 +65,19 @@ fn full_cells_refuse_new_places_and_still_fill_the_old() {
 
 #[test]
 fn unsure_points_are_dropped_by_confidence() {
-    let config = label_filter::Config { min_confidence: 128, ..label_filter::Config::DEFAULT };
-    let mut points: Vec<LabelledPoint> = (0..=255)
-        .map(|confidence| LabelledPoint {
-            confidence,
-            ..LabelledPoint::new([10.0, 0.0, 0.0], SemanticClass::Building)
-        })
-        .collect();
-    let mut cells = Box::new(ScanCells::<16>::new());
-    let counts = label_filter::filter(&config, &mut points, &mut cells);
-    assert_eq!((counts.unsure, counts.pure_static), (128, 128));
+    let config = label_filter::Config {
+        min_confidence: 128,
+        min_ground_confidence: 200,
+        ..label_filter::Config::DEFAULT
+    };
+    let counts_of = |class| {
+        let sure = |confidence| LabelledPoint { confidence, ..LabelledPoint::new([10.0, 0.0, 0.0], class) };
+        let mut points: Vec<LabelledPoint> = (0..=255).map(sure).collect();
+        label_filter::filter(&config, &mut points, &mut Box::new(ScanCells::<16>::new()))
+    };
+    let (building, road) = (counts_of(SemanticClass::Building), counts_of(SemanticClass::Road));
+    assert_eq!((building.unsure, building.pure_static), (128, 128));
+    assert_eq!((road.unsure, road.ground), (200, 56));
 }
 
 #[test]

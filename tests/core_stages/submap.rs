@@ -159,11 +159,27 @@ fn a_full_bucket_replaces_the_voxel_seen_longest_ago() {
     let place = |k: usize| Vector3::new(k as f32 + 0.5, 0.5, 0.5);
     let flat = Matrix3::from_diagonal(&Vector3::new(0.05, 0.05, 0.0));
     for k in 0..voxel_map::WAYS {
-        map.merge(&config, Group::Structure, k as f32, &place(k), &flat, 20.0);
+        map.merge(&config, Group::Ground, k as f32, &place(k), &flat, 20.0);
     }
     assert_eq!(map.usage(), (voxel_map::WAYS as u32, 0));
-    map.merge(&config, Group::Structure, 9.0, &place(20), &flat, 20.0);
+    map.merge(&config, Group::Ground, 9.0, &place(20), &flat, 20.0);
     assert_eq!(map.usage(), (voxel_map::WAYS as u32, 1));
-    let known = |k: usize| map.find(&config, &place(k), Group::Structure, 9.0).is_some();
+    let known = |k: usize| map.find(&config, &place(k), Group::Ground, 9.0).is_some();
     assert!(!known(0) && known(1) && known(20));
+}
+
+#[test]
+fn what_lies_flat_holds_a_height_as_ground_only() {
+    let config = voxel_map::Config::DEFAULT;
+    let place = Vector3::new(0.5, 0.5, 0.5);
+    let told = |group, across: Vector3<f32>| {
+        let mut map = Box::new(VoxelMap::<1>::new());
+        let thin = Matrix3::from_diagonal(&across.map(|v| 0.05 * (1.0 - v)));
+        map.merge(&config, group, 0.0, &place, &thin, 20.0);
+        map.find(&config, &place, group, 0.0).is_some()
+    };
+    assert!(told(Group::Ground, Vector3::z()) && told(Group::Vegetation, Vector3::z()));
+    for group in [Group::Structure, Group::Movable] {
+        assert!(!told(group, Vector3::z()) && told(group, Vector3::x()), "{group:?}");
+    }
 }
