@@ -70,7 +70,7 @@ fn what_segment_writes_runs_like_the_network_itself() {
             "--model",
             &network,
             "--config",
-            path(&drive.file("sure.toml", "[label_filter]\nmin_confidence = 0\n")),
+            path(&drive.file("sure.toml", "[label_filter]\nmin_confidence = 0\nmin_ground_confidence = 0\n")),
         ])
         .success();
     let poses = drive.read("poses_tum.txt");
