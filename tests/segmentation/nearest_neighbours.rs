@@ -103,11 +103,12 @@ fn a_point_at_the_edge_of_a_thing_takes_the_class_of_what_is_as_far() {
 }
 
 #[test]
-fn confidence_is_the_share_of_the_votes_times_the_probability() {
+fn confidence_is_the_probability_times_the_cube_of_the_share_of_the_votes() {
     let (image, mut pixels) = row("555555555", "111112222");
     pixels.probability = vec![0.9, 0.9, 0.9, 0.9, 0.8, 0.7, 0.6, 0.6, 0.6];
     let votes = vote(&KnnConfig::default(), &image, &pixels, &[false, true, true]);
-    let expected = [0.9, 0.9, 0.9, 0.8 * 0.9, 0.6 * 0.9, 0.6 * 0.7, 0.8 * 0.7, 0.6, 0.6];
+    let [four, three] = [0.8, 0.6].map(|share: f32| share.powi(3));
+    let expected = [0.9, 0.9, 0.9, four * 0.9, three * 0.9, three * 0.7, four * 0.7, 0.6, 0.6];
     for (found, expected) in votes.iter().zip(expected) {
         assert!((found.confidence - expected).abs() < 1e-6, "{found:?}, expected {expected}");
     }
