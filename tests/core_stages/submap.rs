@@ -55,7 +55,7 @@ fn room(seed: u64) -> Vec<(Vector3<f32>, Group)> {
         .map(|i| {
             let (u, v) = (40.0 * draw(i, 0) - 20.0, 40.0 * draw(i, 1) - 20.0);
             let noise = 0.01 * (draw(i, 2) - 0.5);
-            match i % 4 {
+            match (4.0 * draw(i, 3)) as u32 {
                 0 | 1 => (Vector3::new(u, v, -1.7 + noise), Group::Ground),
                 2 => (Vector3::new(u, 12.0 + noise, 0.1 * v), Group::Structure),
                 _ => (Vector3::new(15.0 + noise, u, 0.1 * v), Group::Structure),

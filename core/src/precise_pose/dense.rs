@@ -47,7 +47,7 @@ impl Config {
         max_iterations: 12,
         min_step_m: 0.003,
         kernel_start: 12.0,
-        kernel_end: 3.0,
+        kernel_end: 2.5,
         min_inliers: 150,
         min_upright_inliers: 40,
         min_inlier_share: 0.5,
