@@ -80,6 +80,11 @@ def sectors(store, order, draw):
     return ranges[at] * RANGE_M, heights[at] * HEIGHT_M, remission[at] * 0.01, classes[at].long()
 
 
+def lit_rows(ranges):
+    """The rows [B, H, 1] that a laser falls into."""
+    return (ranges > 0).float().mean(2, keepdim=True) > 0.3
+
+
 def mix(images, others, draw):
     """Part of another scan's turn in this one, or its loose things wherever they are nearer (PolarMix, Xiao et al. 2022)."""
     ranges, far = images[0], others[0]
@@ -90,7 +95,7 @@ def mix(images, others, draw):
     band = (column >= begin) & (column < begin + draw.below(columns // 2, each))
     loose = torch.tensor([name in LOOSE for name in CLASSES], device=ranges.device)
     # Rows without a laser stay empty.
-    lit = (ranges > 0) | ((ranges > 0).float().mean(2, keepdim=True) > 0.3)
+    lit = (ranges > 0) | lit_rows(ranges)
     nearer = loose[others[3]] & lit & ((ranges == 0) | (far < ranges))
     what = draw.uniform(0, 1, each)
     take = (band & (what < 0.4)) | (nearer & (what >= 0.4) & (what < 0.82))
@@ -118,7 +123,7 @@ def pass_van(ranges, heights, remission, classes, draw):
     inside = (from_nose > 0) & (from_nose < length) & (up > draw.uniform(-1.5, -1.1, each)) & (up < roof)
     glass = (from_nose > low + 0.3) & (from_nose < low + 1.3) & (up > waist) & (up < top - 0.2)
     # Rows without a laser, and what the own vehicle hides, stay empty.
-    lit = ((ranges > 0).float().mean(2, keepdim=True) > 0.3) & ((ranges > 0) | (pitch > -0.2))
+    lit = lit_rows(ranges) & ((ranges > 0) | (pitch > -0.2))
     seen = draw.chance(0.25, each) & inside & lit & ((ranges == 0) | (side < ranges))
     paint = draw.uniform(0.02, 0.6, each) * (0.6 + 0.4 * facing)
     label = draw.pick([CLASSES.index("car"), CLASSES.index("car"), CLASSES.index("truck")], each)

@@ -8,7 +8,7 @@ import numpy as np
 FOV_UP_DEG, FOV_DOWN_DEG = 3.0, -25.0
 MEANS = np.array([12.12, 10.88, 0.23, -1.04, 0.21], np.float32)
 DEVIATIONS = np.array([12.32, 11.47, 6.91, 0.86, 0.16], np.float32)
-# Steps of compact images [m].
+# Steps of compact images [m]: ranges go up to 81.9 m; KITTI's files end at 80.
 RANGE_M, HEIGHT_M = 0.0025, 0.001
 
 CLASSES = (

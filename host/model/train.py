@@ -2,7 +2,9 @@
 
 import argparse
 import copy
+import itertools
 import math
+import sys
 import time
 from pathlib import Path
 
@@ -18,48 +20,53 @@ class Store:
     """Compact scans in the memory of the device, 400 KB each. Other processes read them."""
 
     def __init__(self, args):
-        self.args, self.seen, self.coming, self.count = args, set(), [], 0
-        self.images = [torch.empty(0, device=args.device)] * 4
+        self.args, self.seen, self.coming, self.images, self.count = args, set(), [], [], 0
         self.pool = torch.multiprocessing.get_context("spawn").Pool(args.workers)
 
     def look(self):
-        """Has the scans read that are new in the folders."""
-        for pair in scans(self.args.folders, self.args.every):
-            if pair not in self.seen and is_whole(pair):
-                self.seen.add(pair)
-                self.coming.append(self.pool.apply_async(compact, (pair, self.args.height, self.args.width)))
+        """Has the scans read that are new in the folders; tells how many are not whole."""
+        new = [pair for pair in scans(self.args.folders, self.args.every) if pair not in self.seen]
+        whole = [pair for pair in new if is_whole(pair)]
+        self.seen.update(whole)
+        sizes = self.args.height, self.args.width
+        self.coming += [self.pool.apply_async(compact, (pair, *sizes)) for pair in whole]
+        return len(new) - len(whole)
 
     def take(self, wait=False):
         """Adds the scans that have been read; with `wait`, all that were found."""
         coming, self.coming = self.coming, []
         for result in coming:
             if wait or result.ready():
-                try:
-                    self.add(result.get())
-                except FileNotFoundError:
-                    pass
+                self.add([torch.from_numpy(image) for image in result.get()])
             else:
                 self.coming.append(result)
 
     def add(self, scan):
-        if self.count == len(self.images[0]):
-            self.images = [self.grown(old, torch.from_numpy(new)) for old, new in zip(self.images, scan)]
-        for old, new in zip(self.images, scan):
-            old[self.count] = torch.from_numpy(new)
+        if not self.images or self.count == len(self.images[0]):
+            room = max(1000, self.count // 2)
+            more = [torch.empty(room, *image.shape, dtype=image.dtype, device=self.args.device) for image in scan]
+            self.images = [torch.cat(pair) for pair in zip(self.images, more)] if self.images else more
+        for images, image in zip(self.images, scan):
+            images[self.count] = image
         self.count += 1
 
-    def grown(self, old, scan):
-        more = torch.empty(max(1000, len(old) // 2), *scan.shape, dtype=scan.dtype, device=self.args.device)
-        return torch.cat([old[: self.count].view(-1, *scan.shape).to(scan.dtype), more])
+    def fill(self):
+        """Reads what is there; ends the program if that is nothing."""
+        left_out = self.look()
+        self.take(wait=True)
+        if left_out:
+            print(f"left out: {left_out} scans without a label file of the same length")
+        if not self.count:
+            sys.exit(f"no scans with labels in {' '.join(self.args.folders)}: name folders with velodyne/ and labels/")
 
     def batches(self):
         """Training images without end. Scans may be made while training runs."""
         draw, columns = Draw(self.args.device, self.args.seed), int(self.args.width * self.args.share)
-        for step in range(1 << 62):
+        for step in itertools.count(1):
+            yield batch([image[: self.count] for image in self.images], self.args.batch, columns, draw)
             if step % 200 == 0:
                 self.look()
-                self.take(wait=step == 0)
-            yield batch([image[: self.count] for image in self.images], self.args.batch, columns, draw)
+                self.take()
 
     def class_weights(self):
         """Rare classes count more, but not so much that they win where they are not."""
@@ -114,14 +121,14 @@ def save(path, net, args):
 def train(net, store, args):
     """AdamW; the rate rises and falls with the time spent. Keeps and saves a running mean of the weights."""
     optimiser = torch.optim.AdamW(net.parameters(), lr=args.rate, weight_decay=0.01, fused=True)
-    batches, groups = store.batches(), group_of_class().to(args.device)
-    image, classes = next(batches)
-    weights = store.class_weights()
+    store.fill()
+    batches, groups, weights = store.batches(), group_of_class().to(args.device), store.class_weights()
     print(f"{store.count} scans, {sum(p.numel() for p in net.parameters())} parameters", flush=True)
     forward = torch.compile(net) if args.compile else net
     mean, start, shown, step, spent = copy.deepcopy(net), time.time(), 0.0, 0, 0.0
     while spent < 1:
         step += 1
+        image, classes = next(batches)
         for group in optimiser.param_groups:
             group["lr"] = args.rate * min(1, step / 50, 0.01 + 0.5 * (1 + math.cos(math.pi * spent)))
         with torch.autocast(image.device.type, torch.bfloat16, enabled=args.bf16):
@@ -137,7 +144,6 @@ def train(net, store, args):
         if step % 50 == 0:
             print(f"step {step}, {spent:.0%} of the time, {store.count} scans: loss {shown:.3f}", flush=True)
             save(args.out, mean, args)
-        image, classes = next(batches)
     save(args.out, mean, args)
 
 
@@ -173,7 +179,9 @@ def main():
     net = Net(*args.channels).to(args.device, memory_format=torch.channels_last)
     if args.start:
         net.load_state_dict(torch.load(args.start, weights_only=True, map_location=args.device)["weights"])
-    train(net, Store(args), args)
+    store = Store(args)
+    train(net, store, args)
+    store.pool.terminate()
 
 
 if __name__ == "__main__":

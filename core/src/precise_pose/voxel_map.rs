@@ -283,8 +283,8 @@ impl<const SETS: usize> VoxelMap<SETS> {
 /// What a distribution of points says about the position of a surface.
 ///
 /// Across a plane: the inverse of the variance. Along it: nothing. A single scan line on a plane looks like a rod and
-/// would seem to fix two directions; only upright rods (poles, trunks) are believed. What lies flat in structures and
-/// in what may move is mostly ground with a wrong label, bonnets that reflect, sills: it does not fix a height.
+/// would seem to fix two directions; only upright rods (poles, trunks) are believed. What is more than 17 degrees off
+/// upright in structures and in what may move fixes nothing: ground with a wrong label would hold the height.
 fn across(config: &Config, group: Group, covariance: Matrix3<f32>) -> [[f32; 3]; 2] {
     const NOTHING: [f32; 3] = [0.0; 3];
     let eigen = eigen::symmetric(&covariance);
