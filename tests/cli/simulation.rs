@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
 use sdslam::dataset::{self, labels};
@@ -14,18 +14,15 @@ use crate::support::*;
 /// Two seconds through traffic, simulated and run once for all tests.
 fn simulated() -> &'static Simulated {
     static DRIVE: LazyLock<Simulated> = LazyLock::new(|| {
-        let folder = TempDir::new().expect("a temporary folder");
-        let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+        // A fixed place, emptied by the next run: no drop would clear it away.
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("cli_simulation");
+        let _ = fs::remove_dir_all(&folder);
+        let (data, out) = (folder.join("data"), folder.join("out"));
         let small = ["--frames", "20", "--columns", "700", "--sequence", "42", "--traffic", "heavy"];
         sdslam(["simulate", "--out", path(&data)].into_iter().chain(small)).success();
         let contract = ["run", "--dataset", path(&data), "--sequence", "42", "--out", path(&out)];
         let table = text(sdslam(contract.into_iter().chain(["--no-elevation-correction"])).success());
-        Simulated {
-            labels: data.join("sequences/42/labels"),
-            results: out.join("42"),
-            table,
-            _folder: folder,
-        }
+        Simulated { labels: data.join("sequences/42/labels"), results: out.join("42"), table }
     });
     &DRIVE
 }
@@ -34,7 +31,6 @@ struct Simulated {
     labels: PathBuf,
     results: PathBuf,
     table: String,
-    _folder: TempDir,
 }
 
 #[test]
