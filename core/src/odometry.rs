@@ -316,6 +316,8 @@ impl<
                 let Some(group) = group_of(cell, &self.landmarks) else { continue };
                 let seen = cell.mean();
                 let mean = (pose * Point3::from(seen)).coords;
+                let partner = self.voxels.partner(&config.voxels, &mean, group, path_m);
+                let group = partner.map_or(group, |(_, _, group)| group);
                 let covariance = rotation * cell.covariance() * rotation.transpose();
                 let weight = cell.count() as f32 * config.voxels.point_weight(group, seen.norm_squared());
                 self.voxels.merge(&config.voxels, group, path_m, &mean, &covariance, weight);

@@ -86,6 +86,32 @@ fn register(map: &VoxelMap<512>, source: &[SourcePoint], start: &Pose) -> dense:
 }
 
 #[test]
+fn ground_taken_for_vegetation_still_holds_the_height() {
+    let map = map_of(&room(1));
+    let seen_from =
+        Pose::from_parts(Vector3::new(0.0, 0.0, 0.1).into(), pose::from_roll_pitch_yaw(0.0, 0.01, 0.0));
+    let mut source = source_of(&room(2), &seen_from);
+    for point in source.iter_mut().filter(|point| point.group == Group::Ground) {
+        point.group = Group::Vegetation;
+    }
+    let found = register(&map, &source, &Pose::identity());
+    let off = found.local_from_sensor.inv_mul(&seen_from);
+    assert!(off.translation.vector.norm() < 0.01 && off.rotation.angle() < 1e-3, "{off}");
+    let upright = source.iter().filter(|point| point.group == Group::Structure).count() as u32;
+    assert!(found.evidence.upright_partners <= upright, "{:?}", found.evidence);
+}
+
+#[test]
+fn bushes_are_not_ground() {
+    let map = map_of(&room(1));
+    let config = voxel_map::Config::DEFAULT;
+    let group_at =
+        |z: f32| map.partner(&config, &Vector3::new(3.2, 4.3, z), Group::Vegetation, 0.0).map(|p| p.2);
+    assert_eq!(group_at(-1.7), Some(Group::Ground));
+    assert_eq!(group_at(-1.5), None);
+}
+
+#[test]
 fn dense_registration_finds_a_known_pose() {
     let map = map_of(&room(1));
     for (k, twist) in
@@ -118,7 +144,7 @@ fn dense_registration_is_robust_against_a_third_of_outliers() {
 fn groups_are_registered_with_their_own_kind_only() {
     let map = map_of(&room(1));
     let mut source = source_of(&room(2)[..2000], &pose::IDENTITY);
-    source.iter_mut().for_each(|p| p.group = Group::Vegetation);
+    source.iter_mut().for_each(|p| p.group = Group::Movable);
     assert_eq!(register(&map, &source, &pose::IDENTITY).evidence.inliers, 0);
 }
 

@@ -1,6 +1,6 @@
 //! Dense refinement: 6-DoF registration of the static and ground cells of a scan against the voxels of the submap,
-//! point to distribution, robust, same group of classes only. Not in the paper: hulls alone end at 1.5 to 4 %
-//! (our benchmarks, and others who built them), and a roll of zero costs 0.8 %.
+//! point to distribution, robust, same group of classes only (vegetation that lies in the ground is ground). Not in the
+//! paper: hulls alone end at 1.5 to 4 % (our benchmarks, and others who built them), and a roll of zero costs 0.8 %.
 
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 
@@ -250,7 +250,7 @@ fn accumulate<'a, const SETS: usize>(
     for point in source {
         let arm = rotation * point.position;
         let p = arm + local_from_sensor.translation.vector;
-        let Some((voxel, mean)) = map.find(map_config, &p, point.group, path_m) else { continue };
+        let Some((voxel, mean, group)) = map.partner(map_config, &p, point.group, path_m) else { continue };
         let residual = p - mean;
         // An error of the elevation lifts a point the more, the farther it is.
         let lift2 = square(map_config.elevation_noise_rad) * arm.norm_squared();
@@ -263,7 +263,7 @@ fn accumulate<'a, const SETS: usize>(
         }
         sum.squared_m2 += w * mahalanobis2 * map_config.noise_m * map_config.noise_m;
         sum.weight += w;
-        let upright = usize::from(point.group != Group::Ground);
+        let upright = usize::from(group != Group::Ground);
         sum.partners[upright] += 1;
         sum.inliers[upright] += u32::from(mahalanobis2 < 9.0);
     }

@@ -224,6 +224,25 @@ impl<const SETS: usize> VoxelMap<SETS> {
         usable.then(|| (voxel, centre + Vector3::from(voxel.mean)))
     }
 
+    /// What a point is registered with: the voxel of its group, its mean [m, local frame], and the group. Vegetation that lies
+    /// in the ground (3 standard deviations) is registered with it: the feet of bushes, and grass with a wrong label.
+    #[inline]
+    pub fn partner(
+        &self,
+        config: &Config,
+        p: &Vector3<f32>,
+        group: Group,
+        path_m: f32,
+    ) -> Option<(&Voxel, Vector3<f32>, Group)> {
+        if group == Group::Vegetation
+            && let Some((voxel, mean)) = self.find(config, p, Group::Ground, path_m)
+            && voxel.across().all(|a| math::abs(a.dot(&(p - mean))) < 3.0)
+        {
+            return Some((voxel, mean, Group::Ground));
+        }
+        self.find(config, p, group, path_m).map(|(voxel, mean)| (voxel, mean, group))
+    }
+
     /// Merges points of weight `count` with the given mean [m] and covariance [m2] (local frame) into their voxel.
     pub fn merge(
         &mut self,
