@@ -14,7 +14,7 @@ pub struct Config {
     pub min_range_m: f32,
     /// Points farther than this are dropped [m].
     pub max_range_m: f32,
-    /// Points whose class is less certain than this are dropped, 0..255.
+    /// Points whose class is less certain than this are dropped, 0..255; from 1 on, those without any confidence.
     pub min_confidence: u8,
     /// The same for points of the ground, 0..255: the foot of a thing, taken for ground, lifts it.
     pub min_ground_confidence: u8,
@@ -33,7 +33,7 @@ impl Config {
     pub const DEFAULT: Self = Self {
         min_range_m: 2.0,
         max_range_m: 100.0,
-        min_confidence: 0,
+        min_confidence: 1,
         min_ground_confidence: 135,
         ground_cell_m: 0.6,
         large_cell_m: 0.4,

@@ -54,6 +54,9 @@ classes = {[ids[0] for ids in RAW_IDS]}
 
 [objects]
 link_m = 0.4
+
+[feet]
+height_m = 0.15
 """
 
 

@@ -70,14 +70,18 @@ fn unsure_points_are_dropped_by_confidence() {
         min_ground_confidence: 200,
         ..label_filter::Config::DEFAULT
     };
-    let counts_of = |class| {
+    let counts_of = |config, class| {
         let sure = |confidence| LabelledPoint { confidence, ..LabelledPoint::new([10.0, 0.0, 0.0], class) };
         let mut points: Vec<LabelledPoint> = (0..=255).map(sure).collect();
-        label_filter::filter(&config, &mut points, &mut Box::new(ScanCells::<16>::new()))
+        label_filter::filter(config, &mut points, &mut Box::new(ScanCells::<16>::new()))
     };
-    let (building, road) = (counts_of(SemanticClass::Building), counts_of(SemanticClass::Road));
+    let building = counts_of(&config, SemanticClass::Building);
     assert_eq!((building.unsure, building.pure_static), (128, 128));
+    let road = counts_of(&config, SemanticClass::Road);
     assert_eq!((road.unsure, road.ground), (200, 56));
+    // By default all that is needed is some confidence.
+    let plant = counts_of(&label_filter::Config::DEFAULT, SemanticClass::Vegetation);
+    assert_eq!((plant.unsure, plant.pure_static), (1, 255));
 }
 
 #[test]

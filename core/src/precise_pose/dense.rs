@@ -201,7 +201,7 @@ pub fn score<const SETS: usize>(
     // Every eighth point is enough for a choice.
     let scored = source.iter().step_by(8).filter_map(|point| {
         let p = (local_from_sensor * nalgebra::Point3::from(point.position)).coords;
-        let (voxel, mean) = map.find(map_config, &p, point.group, path_m)?;
+        let (voxel, mean, _) = map.partner(map_config, &p, point.group, path_m)?;
         let residual = p - mean;
         let mahalanobis2: f32 = voxel.across().map(|a| square(a.dot(&residual))).sum();
         let kernel2 = config.kernel_start * config.kernel_start;

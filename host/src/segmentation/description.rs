@@ -7,6 +7,7 @@ use serde::Deserialize;
 
 use super::SegmentationError;
 use super::error::DescriptionFault;
+use super::feet::FeetConfig;
 use super::knn::KnnConfig;
 use super::objects::ObjectsConfig;
 use crate::dataset::labels;
@@ -28,6 +29,8 @@ pub struct ModelDescription {
     pub objects: ObjectsConfig,
     /// How classes of pixels become classes of points.
     pub knn: KnnConfig,
+    /// Where plants stand on the ground.
+    pub feet: FeetConfig,
 }
 
 /// The image of a scan: azimuth to the right, elevation upwards.
@@ -149,7 +152,7 @@ impl ModelDescription {
         if !(1..=64).contains(&self.output.classes.len()) {
             return fault("output.classes", "1 to 64 names, one for every output channel");
         }
-        self.objects.fault().or_else(|| self.knn.fault())
+        self.objects.fault().or_else(|| self.knn.fault()).or_else(|| self.feet.fault())
     }
 }
 
@@ -212,6 +215,7 @@ mod tests {
             ("[knn]\ncutoff_m = -1.0\n", "knn.cutoff_m"),
             ("[objects]\nlink_m = -0.3\n", "objects.link_m"),
             ("[objects]\nsmall_m = nan\n", "objects.small_m"),
+            ("[feet]\nheight_m = -0.1\n", "feet.height_m"),
             ("[knn]\nsigma = -1.0\n", "knn.sigma"),
         ] {
             let refusal = parse(text).expect_err(text);

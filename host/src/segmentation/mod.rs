@@ -1,7 +1,8 @@
 //! Semantic segmentation of raw scans (section 3.1.1): a network of RangeNet++'s kind on the range image.
 //!
 //! [`Segmenter::segment`] is projection ([`projection`]), network ([`network`]), classes of the pixels ([`pixels`]), if
-//! asked for those of whole objects ([`objects`]), and the way back to the points ([`knn`]). A network is an ONNX file and a [`ModelDescription`] beside it:
+//! asked for those of whole objects ([`objects`]), the way back to the points ([`knn`]), and if asked for doubt where plants
+//! stand on the ground ([`feet`]). A network is an ONNX file and a [`ModelDescription`] beside it:
 //!
 //! | key of `model.toml` | default (RangeNet++) | meaning |
 //! | --- | --- | --- |
@@ -15,11 +16,14 @@
 //! | `objects.link_m` | 0 (off) | pixels nearer than this are one object, and agree ([`objects`]) |
 //! | `objects.vehicle_m`, `objects.small_m` | 12, 1.2 | longest vehicle; longest object that follows its majority |
 //! | `objects.min_pixels` | 10 | fewest pixels of an object |
+//! | `feet.height_m` | 0 (off) | the lowest vegetation below a plant has no confidence ([`feet`]) |
+//! | `feet.plant_m` | 0.25 | least height of a plant |
 //!
 //! The same scan gives the same classes on any number of threads. Another CPU may round a network's sums differently.
 
 pub mod description;
 mod error;
+pub mod feet;
 pub mod knn;
 pub mod network;
 pub mod objects;
@@ -145,14 +149,16 @@ impl Segmenter {
         image: &RangeImage,
     ) -> (Vec<SemanticClass>, Vec<u8>) {
         let mut pixels = PixelClasses::of(output, self.description.output.kind, image.point.len());
-        let ModelDescription { objects, output, .. } = &self.description;
+        let ModelDescription { objects, feet, output, .. } = &self.description;
         objects::unify(objects, points, image, &output.classes, &mut pixels);
         let votes = knn::vote(&self.description.knn, image, &pixels, &self.votes);
         let class = |vote: &knn::PointVote| {
             let class = self.description.output.classes.get(vote.channel as usize);
             (class.copied().unwrap_or(SemanticClass::Unlabelled), (255.0 * vote.confidence).round() as u8)
         };
-        votes.iter().map(class).unzip()
+        let (classes, mut confidences): (Vec<_>, Vec<_>) = votes.iter().map(class).unzip();
+        feet::doubt(feet, points, &classes, &mut confidences);
+        (classes, confidences)
     }
 }
 
