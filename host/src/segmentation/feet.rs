@@ -2,8 +2,8 @@
 //! RangeNet++, and off unless `model.toml` asks for it.
 //!
 //! Between plants the ground shows as strands of a few points, and a small network takes them for vegetation, however
-//! sure it says it is. Together with the plants above they make surfaces that are not there, and that come along with
-//! the sensor's rings. True feet are no loss: their plant goes on above them.
+//! sure it says it is. In one voxel with the plant above they make a surface that is not there: left out below plants,
+//! the SLAM gains; left out where no plant is above, it does not. True feet are no loss: their plant goes on above them.
 
 use sdslam_core::SemanticClass;
 use serde::Deserialize;
@@ -16,7 +16,7 @@ use super::error::DescriptionFault;
 pub struct FeetConfig {
     /// Vegetation lower than this above the lowest point of its column of 1 m x 1 m is a foot \[m\]; 0 switches feet off.
     pub height_m: f32,
-    /// if vegetation of the column reaches this far above its lowest point \[m\].
+    /// A column holds a plant if its vegetation reaches this far above its lowest point \[m\].
     pub plant_m: f32,
 }
 
