@@ -25,11 +25,11 @@ use crate::motion_state::{
 use crate::pose::{Pose, compose};
 use crate::precise_pose::dense::{self, SourcePoint};
 use crate::precise_pose::landmark_map::{self, MapLandmark};
-use crate::precise_pose::voxel_map::{Group, VoxelMap};
+use crate::precise_pose::voxel_map::{self, Group, VoxelMap};
 use crate::preliminary_pose;
 use crate::preliminary_pose::hull_registration::HullPair;
 use crate::preliminary_pose::pairing::Candidate;
-use crate::scan::{LabelledScan, MotionClass};
+use crate::scan::{LabelledScan, MotionClass, SemanticClass};
 use crate::scan_cells::{Cell, ScanCells};
 
 /// The origin of the local frame follows the vehicle in steps of about this length [m], so that single precision does.
@@ -313,7 +313,7 @@ impl<
             self.calibration.learn(&self.config.calibration, heights);
             let rotation = *pose.rotation.to_rotation_matrix().matrix();
             for cell in self.cells.cells() {
-                let Some(group) = group_of(cell, &self.landmarks) else { continue };
+                let Some(group) = group_of(&config.voxels, cell, &self.landmarks) else { continue };
                 let seen = cell.mean();
                 let mean = (pose * Point3::from(seen)).coords;
                 let partner = self.voxels.partner(&config.voxels, &mean, group, path_m);
@@ -376,8 +376,12 @@ impl<
     }
 }
 
-/// The group in which a cell is registered; `None` for what may move and is not known to stand still.
-fn group_of(cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
+/// The group in which a cell is registered; `None` for what may move and is not known to stand still, and for far grass.
+fn group_of(config: &voxel_map::Config, cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
+    let far_m = config.max_terrain_range_m;
+    if cell.class == SemanticClass::Terrain && cell.mean().norm_squared() > far_m * far_m {
+        return None;
+    }
     match cell.class.motion() {
         MotionClass::UnknownMotion => {
             let state = landmarks.get(cell.landmark as usize)?.state;

@@ -1,7 +1,7 @@
 //! What must hold for any scene.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use sdslam_core::{Config, FrameStatus, LabelledPoint, MapPose, MotionClass};
+use sdslam_core::{Config, FrameStatus, LabelledPoint, MapPose, MotionClass, SemanticClass};
 use sdslam_tests::drive::{Drive, PERIOD_S, pose_on_street, poses, turned};
 use sdslam_tests::odometry::{full_scan, process, process_fully};
 use sdslam_tests::street::street;
@@ -30,6 +30,27 @@ fn order_of_the_points_does_not_matter() {
     }
     assert_ne!(shuffled.frames[0].points, drive().frames[0].points);
     assert_close(&run(&shuffled), &run(drive()), 0.01, 0.01);
+}
+
+#[test]
+fn the_height_of_far_grass_does_not_matter() {
+    let far_grass_lifted = |by_m: f32| {
+        let mut lifted = drive().clone();
+        for point in lifted.frames.iter_mut().flat_map(|frame| &mut frame.points) {
+            let distance = point.position[0].hypot(point.position[1]);
+            if point.class.motion() == MotionClass::Ground && distance > 22.0 {
+                point.class = SemanticClass::Terrain;
+                point.position[2] += by_m;
+            }
+        }
+        lifted
+    };
+    let (flat, lifted) = (far_grass_lifted(0.0), far_grass_lifted(0.2));
+    assert_ne!(flat.frames[0].points, lifted.frames[0].points);
+    assert_eq!(run(&lifted), run(&flat));
+    let mut without_bound = Config::accurate();
+    without_bound.precise_pose.voxels.max_terrain_range_m = f32::INFINITY;
+    assert_ne!(poses(&lifted.run(&mut full_scan(without_bound))), run(&lifted));
 }
 
 #[test]

@@ -162,7 +162,7 @@ impl<
     fn gather_source(&mut self) {
         self.source.clear();
         for cell in self.cells.cells() {
-            if let Some(group) = group_of(cell, &self.landmarks) {
+            if let Some(group) = group_of(&self.config.precise_pose.voxels, cell, &self.landmarks) {
                 // As many source points as cells fit.
                 let _ = self.source.push(SourcePoint { position: cell.mean(), group });
             }

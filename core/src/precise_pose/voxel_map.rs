@@ -112,6 +112,9 @@ pub struct Config {
     pub max_weight: f32,
     /// Points before a voxel is used.
     pub min_weight: f32,
+    /// Terrain farther from the sensor is not registered [m]: flat rays meet the tips of grass, steep ones the ground below, and
+    /// pitch would give in to the difference. Infinite for no bound.
+    pub max_terrain_range_m: f32,
 }
 
 impl Config {
@@ -123,6 +126,7 @@ impl Config {
         elevation_noise_rad: 0.001,
         max_weight: 2000.0,
         min_weight: 8.0,
+        max_terrain_range_m: 20.0,
     };
 
     /// Weight of a point of a group, seen from a distance whose square is given [m2], against one nearby.
@@ -137,6 +141,10 @@ impl Config {
         }
         if !(self.elevation_noise_rad >= 0.0) {
             let parameter = "precise_pose.voxels.elevation_noise_rad";
+            return Err(ParameterError { parameter, expected: "zero or positive" });
+        }
+        if !(self.max_terrain_range_m >= 0.0) {
+            let parameter = "precise_pose.voxels.max_terrain_range_m";
             return Err(ParameterError { parameter, expected: "zero or positive" });
         }
         if !(self.window_m > 0.0 && self.noise_m > 0.0 && self.max_weight >= 1.0 && self.min_weight >= 1.0) {
