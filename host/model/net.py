@@ -14,25 +14,30 @@ class Features(nn.Module):
     the row above, so that slopes and bends do not tell sensors apart.
     """
 
+    def __init__(self):
+        super().__init__()
+        # From logarithm and known pixels: slopes, then bends, along the row and the column; three known in a row, in a column.
+        stencils = torch.zeros(6, 2, 3, 3)
+        slope, bend = 15 * torch.tensor([-1.0, 0, 1]), 40 * torch.tensor([1.0, -2, 1])
+        for row, weights in enumerate([slope, bend]):
+            stencils[2 * row, 0, 1] = weights
+            stencils[2 * row + 1, 0, :, 1] = weights
+        stencils[4, 1, 1] = 1
+        stencils[5, 1, :, 1] = 1
+        self.register_buffer("stencils", stencils, persistent=False)
+        self.register_buffer("offsets", torch.tensor([0.0, 0, 0, 0, -2, -2]), persistent=False)
+
     def forward(self, image):
-        height, width = image.shape[2:]
-        valid = (image.abs().sum(1, keepdim=True) * 1e4).clamp(max=1)
+        height = image.shape[2]
+        valid = (image[:, 0::3].abs().sum(1, keepdim=True) * 1e4).clamp(max=1)
         range_m = image[:, :1] * float(DEVIATIONS[0]) + float(MEANS[0])
         log_range = (range_m.clamp(min=1).log() - 2.3) * valid
         seen = torch.cat([log_range, image[:, 3:], valid], 1)
         seen = seen + (1 - valid) * F.pad(seen, (0, 0, 1, 0))[:, :, :height]
-        log_range, known = seen[:, :1], seen[:, 3:]
-        # Neighbours: left, right, above, below; what is outside of the image is not known.
-        ranges, there = (F.pad(x, (1, 1, 1, 1)) for x in (log_range, known))
-        steps = [(slice(1, 1 + height), slice(0, width)), (slice(1, 1 + height), slice(2, 2 + width)),
-                 (slice(0, height), slice(1, 1 + width)), (slice(2, 2 + height), slice(1, 1 + width))]
-        slopes, bends = [], []
-        for before, after in (steps[:2], steps[2:]):
-            before, after, both = ranges[:, :, *before], ranges[:, :, *after], there[:, :, *before] * there[:, :, *after]
-            inside = known * both
-            slopes.append(((after - before) * (15 * inside)).clamp(-2, 2))
-            bends.append(((after + before - 2 * log_range) * (40 * inside)).clamp(-2, 2))
-        return torch.cat([seen, *slopes, *bends], 1)
+        found = F.conv2d(seen[:, 0::3], self.stencils, self.offsets, padding=1)
+        all_known = F.relu(found[:, 4:])
+        slopes, bends = ((found[:, k : k + 2] * all_known).clamp(-2, 2) for k in (0, 2))
+        return torch.cat([seen, slopes, bends], 1)
 
 
 def conv(inputs, outputs, stride=1, dilation=1):
