@@ -25,7 +25,7 @@ use crate::motion_state::{
 use crate::pose::{Pose, compose};
 use crate::precise_pose::dense::{self, SourcePoint};
 use crate::precise_pose::landmark_map::{self, MapLandmark};
-use crate::precise_pose::voxel_map::{self, Group, VoxelMap};
+use crate::precise_pose::voxel_map::{Group, VoxelMap};
 use crate::preliminary_pose;
 use crate::preliminary_pose::hull_registration::HullPair;
 use crate::preliminary_pose::pairing::Candidate;
@@ -305,6 +305,15 @@ impl<
         usable && (stale || dense.partners < dense.source_points / 10)
     }
 
+    /// Terrain farther away is not registered [m]. While the motion is being found, everything counts.
+    fn max_terrain_range_m(&self) -> f32 {
+        if self.motion.confirmed {
+            self.config.precise_pose.voxels.max_terrain_range_m
+        } else {
+            f32::INFINITY
+        }
+    }
+
     fn extend_submap(&mut self) {
         let config = &self.config.precise_pose;
         let (pose, path_m) = (self.motion.local_from_sensor, self.motion.path_m);
@@ -312,8 +321,9 @@ impl<
             let heights = dense::ground_heights(&config.voxels, &self.voxels, path_m, &self.source, &pose);
             self.calibration.learn(&self.config.calibration, heights);
             let rotation = *pose.rotation.to_rotation_matrix().matrix();
+            let far_m = self.max_terrain_range_m();
             for cell in self.cells.cells() {
-                let Some(group) = group_of(&config.voxels, cell, &self.landmarks) else { continue };
+                let Some(group) = group_of(far_m, cell, &self.landmarks) else { continue };
                 let seen = cell.mean();
                 let mean = (pose * Point3::from(seen)).coords;
                 let partner = self.voxels.partner(&config.voxels, &mean, group, path_m);
@@ -376,9 +386,9 @@ impl<
     }
 }
 
-/// The group in which a cell is registered; `None` for what may move and is not known to stand still, and for far grass.
-fn group_of(config: &voxel_map::Config, cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
-    let far_m = config.max_terrain_range_m;
+/// The group in which a cell is registered; `None` for what may move and is not known to stand still, and for terrain
+/// farther away than `far_m`.
+fn group_of(far_m: f32, cell: &Cell, landmarks: &[Landmark]) -> Option<Group> {
     if cell.class == SemanticClass::Terrain && cell.mean().norm_squared() > far_m * far_m {
         return None;
     }

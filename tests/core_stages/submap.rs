@@ -112,6 +112,19 @@ fn bushes_are_not_ground() {
 }
 
 #[test]
+fn what_fits_a_known_wall_is_wall_whatever_it_was_called() {
+    let map = map_of(&room(1));
+    let config = voxel_map::Config::DEFAULT;
+    let (wall, _) = *room(2).iter().find(|(_, group)| *group == Group::Structure).expect("a room has walls");
+    let (voxel, mean, _) = map.partner(&config, &wall, Group::Structure, 0.0).expect("it was seen before");
+    let normal = voxel.across().next().expect("a wall is a plane").normalize();
+    let group_at = |p: &Vector3<f32>, group| map.partner(&config, p, group, 0.0).map(|found| found.2);
+    assert_eq!(group_at(&mean, Group::Vegetation), Some(Group::Structure));
+    assert_eq!(group_at(&mean, Group::Thin), None);
+    assert_eq!(group_at(&(mean + 0.3 * normal), Group::Vegetation), None);
+}
+
+#[test]
 fn dense_registration_finds_a_known_pose() {
     let map = map_of(&room(1));
     for (k, twist) in

@@ -36,7 +36,8 @@ fn order_of_the_points_does_not_matter() {
 fn the_height_of_far_grass_does_not_matter() {
     let far_grass_lifted = |by_m: f32| {
         let mut lifted = drive().clone();
-        for point in lifted.frames.iter_mut().flat_map(|frame| &mut frame.points) {
+        // At first, while the motion is being found, all terrain counts.
+        for point in lifted.frames[8..].iter_mut().flat_map(|frame| &mut frame.points) {
             let distance = point.position[0].hypot(point.position[1]);
             if point.class.motion() == MotionClass::Ground && distance > 22.0 {
                 point.class = SemanticClass::Terrain;
@@ -46,7 +47,7 @@ fn the_height_of_far_grass_does_not_matter() {
         lifted
     };
     let (flat, lifted) = (far_grass_lifted(0.0), far_grass_lifted(0.2));
-    assert_ne!(flat.frames[0].points, lifted.frames[0].points);
+    assert_ne!(flat.frames[8].points, lifted.frames[8].points);
     assert_eq!(run(&lifted), run(&flat));
     let mut without_bound = Config::accurate();
     without_bound.precise_pose.voxels.max_terrain_range_m = f32::INFINITY;

@@ -161,8 +161,9 @@ impl<
     /// The cells that stand still: ground, pure static, and semi-static landmarks.
     fn gather_source(&mut self) {
         self.source.clear();
+        let far_m = self.max_terrain_range_m();
         for cell in self.cells.cells() {
-            if let Some(group) = group_of(&self.config.precise_pose.voxels, cell, &self.landmarks) {
+            if let Some(group) = group_of(far_m, cell, &self.landmarks) {
                 // As many source points as cells fit.
                 let _ = self.source.push(SourcePoint { position: cell.mean(), group });
             }

@@ -112,8 +112,8 @@ pub struct Config {
     pub max_weight: f32,
     /// Points before a voxel is used.
     pub min_weight: f32,
-    /// Terrain farther from the sensor is not registered [m]: flat rays meet the tips of grass, steep ones the ground below, and
-    /// pitch would give in to the difference. Infinite for no bound.
+    /// Terrain farther from the sensor is not registered once the motion is known [m]: flat rays meet the tips of grass, steep
+    /// ones the ground below, and pitch would give in to the difference. Infinite for no bound.
     pub max_terrain_range_m: f32,
 }
 
@@ -232,8 +232,9 @@ impl<const SETS: usize> VoxelMap<SETS> {
         usable.then(|| (voxel, centre + Vector3::from(voxel.mean)))
     }
 
-    /// What a point is registered with: the voxel of its group, its mean [m, local frame], and the group. Vegetation that lies
-    /// in the ground (3 standard deviations) is registered with it: the feet of bushes, and grass with a wrong label.
+    /// What a point is registered with: a voxel, its mean [m, local frame], and the voxel's group. Labels err, so what was seen
+    /// before has a say (3 standard deviations): vegetation that lies in the ground is ground, the feet of bushes and grass
+    /// with a wrong label; structure and vegetation that fit the other's voxel and not one of their own are the other.
     #[inline]
     pub fn partner(
         &self,
@@ -242,13 +243,22 @@ impl<const SETS: usize> VoxelMap<SETS> {
         group: Group,
         path_m: f32,
     ) -> Option<(&Voxel, Vector3<f32>, Group)> {
+        let find = |group| self.find(config, p, group, path_m).map(|(voxel, mean)| (voxel, mean, group));
+        let fits = |(voxel, mean, _): &(&Voxel, Vector3<f32>, Group)| {
+            voxel.across().all(|a| math::abs(a.dot(&(p - mean))) < 3.0)
+        };
         if group == Group::Vegetation
-            && let Some((voxel, mean)) = self.find(config, p, Group::Ground, path_m)
-            && voxel.across().all(|a| math::abs(a.dot(&(p - mean))) < 3.0)
+            && let Some(ground) = find(Group::Ground).filter(fits)
         {
-            return Some((voxel, mean, Group::Ground));
+            return Some(ground);
         }
-        self.find(config, p, group, path_m).map(|(voxel, mean)| (voxel, mean, group))
+        let own = find(group);
+        let other = match group {
+            Group::Vegetation => Group::Structure,
+            Group::Structure => Group::Vegetation,
+            _ => return own,
+        };
+        if own.as_ref().is_some_and(fits) { own } else { find(other).filter(fits).or(own) }
     }
 
     /// Merges points of weight `count` with the given mean [m] and covariance [m2] (local frame) into their voxel.
