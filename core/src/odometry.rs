@@ -307,11 +307,7 @@ impl<
 
     /// Terrain farther away is not registered [m]. While the motion is being found, everything counts.
     fn max_terrain_range_m(&self) -> f32 {
-        if self.motion.confirmed {
-            self.config.precise_pose.voxels.max_terrain_range_m
-        } else {
-            f32::INFINITY
-        }
+        if self.motion.confirmed { self.config.precise_pose.dense.max_terrain_range_m } else { f32::INFINITY }
     }
 
     fn extend_submap(&mut self) {

@@ -50,7 +50,7 @@ fn the_height_of_far_grass_does_not_matter() {
     assert_ne!(flat.frames[8].points, lifted.frames[8].points);
     assert_eq!(run(&lifted), run(&flat));
     let mut without_bound = Config::accurate();
-    without_bound.precise_pose.voxels.max_terrain_range_m = f32::INFINITY;
+    without_bound.precise_pose.dense.max_terrain_range_m = f32::INFINITY;
     assert_ne!(poses(&lifted.run(&mut full_scan(without_bound))), run(&lifted));
 }
 

@@ -158,7 +158,7 @@ impl<
         (result.local_from_sensor, FrameStatus::Registered, result.information)
     }
 
-    /// The cells that stand still: ground, pure static, and semi-static landmarks.
+    /// The cells that stand still: ground without far grass, pure static, and semi-static landmarks.
     fn gather_source(&mut self) {
         self.source.clear();
         let far_m = self.max_terrain_range_m();

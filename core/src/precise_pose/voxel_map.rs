@@ -112,9 +112,6 @@ pub struct Config {
     pub max_weight: f32,
     /// Points before a voxel is used.
     pub min_weight: f32,
-    /// Terrain farther from the sensor is not registered once the motion is known [m]: flat rays meet the tips of grass, steep
-    /// ones the ground below, and pitch would give in to the difference. Infinite for no bound.
-    pub max_terrain_range_m: f32,
 }
 
 impl Config {
@@ -126,7 +123,6 @@ impl Config {
         elevation_noise_rad: 0.001,
         max_weight: 2000.0,
         min_weight: 8.0,
-        max_terrain_range_m: 20.0,
     };
 
     /// Weight of a point of a group, seen from a distance whose square is given [m2], against one nearby.
@@ -141,10 +137,6 @@ impl Config {
         }
         if !(self.elevation_noise_rad >= 0.0) {
             let parameter = "precise_pose.voxels.elevation_noise_rad";
-            return Err(ParameterError { parameter, expected: "zero or positive" });
-        }
-        if !(self.max_terrain_range_m >= 0.0) {
-            let parameter = "precise_pose.voxels.max_terrain_range_m";
             return Err(ParameterError { parameter, expected: "zero or positive" });
         }
         if !(self.window_m > 0.0 && self.noise_m > 0.0 && self.max_weight >= 1.0 && self.min_weight >= 1.0) {
@@ -232,9 +224,9 @@ impl<const SETS: usize> VoxelMap<SETS> {
         usable.then(|| (voxel, centre + Vector3::from(voxel.mean)))
     }
 
-    /// What a point is registered with: a voxel, its mean [m, local frame], and the voxel's group. Labels err, so what was seen
-    /// before has a say (3 standard deviations): vegetation that lies in the ground is ground, the feet of bushes and grass
-    /// with a wrong label; structure and vegetation that fit the other's voxel and not one of their own are the other.
+    /// What a point is registered with: a voxel, its mean [m, local frame], and the voxel's group. What is called vegetation
+    /// and lies in the ground (3 standard deviations) is ground: the feet of bushes, and grass with a wrong label. If it fits
+    /// no voxel of vegetation, but one of structure, it is structure. Not the other way: vegetation holds height.
     #[inline]
     pub fn partner(
         &self,
@@ -247,18 +239,15 @@ impl<const SETS: usize> VoxelMap<SETS> {
         let fits = |(voxel, mean, _): &(&Voxel, Vector3<f32>, Group)| {
             voxel.across().all(|a| math::abs(a.dot(&(p - mean))) < 3.0)
         };
-        if group == Group::Vegetation
-            && let Some(ground) = find(Group::Ground).filter(fits)
-        {
-            return Some(ground);
+        let own = || find(group);
+        if group != Group::Vegetation {
+            return own();
         }
-        let own = find(group);
-        let other = match group {
-            Group::Vegetation => Group::Structure,
-            Group::Structure => Group::Vegetation,
-            _ => return own,
-        };
-        if own.as_ref().is_some_and(fits) { own } else { find(other).filter(fits).or(own) }
+        let fitting = |group| find(group).filter(fits);
+        fitting(Group::Ground)
+            .or_else(|| fitting(Group::Vegetation))
+            .or_else(|| fitting(Group::Structure))
+            .or_else(own)
     }
 
     /// Merges points of weight `count` with the given mean [m] and covariance [m2] (local frame) into their voxel.
