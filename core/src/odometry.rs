@@ -157,7 +157,7 @@ impl<
 
         // 3.1.2: what each point is
         evidence.points = label_filter::filter(&self.config.label_filter, scan.points, &mut self.cells);
-        self.calibration.apply(self.cells.cells_mut());
+        self.calibration.apply(&self.config.calibration, self.cells.cells_mut());
         observer.finished(Stage::LabelFilter);
 
         // 3.1.2: instances

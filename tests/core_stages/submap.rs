@@ -124,6 +124,36 @@ fn what_fits_a_known_wall_is_wall_whatever_it_was_called() {
     assert_eq!(group_at(&(mean + 0.3 * normal), Group::Vegetation), None);
 }
 
+/// A street along x: floor, wall, hedge, and trunks that were taken for vegetation; the hedge across it moved by `leaves_m`.
+fn street_with_trunks(seed: u64, leaves_m: f32) -> Vec<(Vector3<f32>, Group)> {
+    let draw = |i, k| unit(seed, i, k) as f32;
+    let kind = |i| match (8.0 * draw(i, 3)) as u32 {
+        0..4 => (Vector3::new(40.0 * draw(i, 0) - 20.0, 20.0 * draw(i, 1) - 10.0, -1.7), Group::Ground),
+        4 | 5 => (Vector3::new(40.0 * draw(i, 0) - 20.0, 12.0, 2.0 * draw(i, 1)), Group::Structure),
+        6 => (Vector3::new(15.5 + leaves_m, -8.0 + 6.0 * draw(i, 0), 2.0 * draw(i, 1)), Group::Vegetation),
+        _ => (
+            Vector3::new(4.5 * ((6.0 * draw(i, 0)) as i32 - 3) as f32 + 0.5, 6.5, 3.0 * draw(i, 1)),
+            Group::Vegetation,
+        ),
+    };
+    (0..20_000).map(kind).collect()
+}
+
+#[test]
+fn trunks_that_were_taken_for_vegetation_weigh_as_trunks() {
+    let map = map_of(&street_with_trunks(1, 0.0));
+    let source = source_of(&street_with_trunks(2, 0.1), &pose::IDENTITY);
+    let along_with = |vegetation_rod_weight| {
+        let config = dense::Config { vegetation_rod_weight, ..dense::Config::DEFAULT };
+        let found =
+            dense::register(&config, &voxel_map::Config::DEFAULT, &map, 0.0, &source, &pose::IDENTITY);
+        found.local_from_sensor.translation.x.abs()
+    };
+    let (alike, more) = (along_with(1.0), along_with(dense::Config::DEFAULT.vegetation_rod_weight));
+    assert!(alike > 0.01, "the hedge pulls: {alike} m");
+    assert!(more < 0.5 * alike, "{more} m, {alike} m with the weight of leaves");
+}
+
 #[test]
 fn dense_registration_finds_a_known_pose() {
     let map = map_of(&room(1));

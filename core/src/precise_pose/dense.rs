@@ -41,6 +41,9 @@ pub struct Config {
     /// Terrain farther from the sensor is not registered once the motion is known [m]: flat rays meet the tips of grass, steep
     /// ones the ground below, and pitch would give in to the difference. Infinite for no bound.
     pub max_terrain_range_m: f32,
+    /// Weight of a point in an upright rod of vegetation: a trunk, pole or sign with a wrong label, whose cells are larger
+    /// and fewer than they would be with the right one.
+    pub vegetation_rod_weight: f32,
 }
 
 impl Config {
@@ -58,6 +61,7 @@ impl Config {
         hold_rad: 0.01,
         max_correction_m: 3.0,
         max_terrain_range_m: 20.0,
+        vegetation_rod_weight: 6.0,
     };
 
     pub(crate) const fn check(&self) -> Result<(), ParameterError> {
@@ -81,6 +85,10 @@ impl Config {
         if !(self.max_terrain_range_m >= 0.0) {
             let parameter = "precise_pose.dense.max_terrain_range_m";
             return Err(ParameterError { parameter, expected: "zero or positive" });
+        }
+        if !(self.vegetation_rod_weight >= 0.0 && self.vegetation_rod_weight <= 100.0) {
+            let parameter = "precise_pose.dense.vegetation_rod_weight";
+            return Err(ParameterError { parameter, expected: "0 to 100" });
         }
         if !(self.kernel_end > 0.0 && self.kernel_start >= self.kernel_end) {
             let expected = "positive, and not above kernel_start";
@@ -144,7 +152,7 @@ pub fn register<const SETS: usize>(
         let coarse = kernel > config.kernel_end && source.len() > COARSE_POINTS;
         let stride = if coarse { COARSE_STRIDE } else { 1 };
         let points = source.iter().step_by(stride);
-        let mut sum = accumulate(map_config, map, path_m, points, &local_from_sensor, kernel);
+        let mut sum = accumulate(config, map_config, map, path_m, points, &local_from_sensor, kernel);
         sum.hold(config, &difference(&local_from_sensor, start));
         evidence.iterations = iteration;
         evidence.partners = sum.partners[0] + sum.partners[1];
@@ -238,6 +246,7 @@ pub fn ground_heights<'a, const SETS: usize>(
 }
 
 fn accumulate<'a, const SETS: usize>(
+    config: &Config,
     map_config: &voxel_map::Config,
     map: &VoxelMap<SETS>,
     path_m: f32,
@@ -266,8 +275,10 @@ fn accumulate<'a, const SETS: usize>(
         let mahalanobis2: f32 = voxel.across().map(|a| square(a.dot(&residual)) * share(&a)).sum();
         // Geman-McClure: outliers end with no weight.
         let w = square(kernel2 / (kernel2 + mahalanobis2));
+        let trunk = group == Group::Vegetation && voxel.is_rod();
+        let factor = if trunk { config.vegetation_rod_weight } else { 1.0 };
         for a in voxel.across() {
-            sum.add(&a, &arm.cross(&a), a.dot(&residual), w * share(&a));
+            sum.add(&a, &arm.cross(&a), a.dot(&residual), w * share(&a) * factor);
         }
         sum.squared_m2 += w * mahalanobis2 * map_config.noise_m * map_config.noise_m;
         sum.weight += w;

@@ -80,6 +80,12 @@ impl Voxel {
         self.across.iter().filter(|a| **a != [0.0; 3]).map(|a| Vector3::from(*a))
     }
 
+    /// The surface is an upright rod: it fixes a position in two directions.
+    #[inline]
+    pub fn is_rod(&self) -> bool {
+        self.across[1] != [0.0; 3]
+    }
+
     /// The voxel says something about position.
     #[inline]
     pub fn is_informative(&self) -> bool {
