@@ -1,8 +1,8 @@
 //! Calibration of the ranges by class, and of the beams' elevations, learnt while driving. Not in the paper.
 //!
 //! What is seen of a trunk lies before its axis: from ahead and from behind it has two places, and the vehicle seems to
-//! move less than it does. Vegetation is measured the longer, the farther it is (weak and slanted echoes are noticed late),
-//! and the vehicle seems to move more. With poses that are true, both show in the residuals along the rays.
+//! move less than it does. Vegetation is measured the longer, the farther it is (as would be, were weak and slanted echoes noticed
+//! late), and the vehicle seems to move more. With poses that are true, both show in the residuals along the rays.
 //!
 //! A beam that points 0.03 deg too high sees the ground 20 m ahead 1 cm too high. Nearer or farther, other beams see the
 //! same ground, so the submap and the scan disagree in the same way in every frame; the attitude gives in to it a
@@ -20,7 +20,7 @@ use crate::scan_cells::Cell;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Config {
-    /// Share of a frame's error that is corrected, 0 to 1; 0 switches the calibration off.
+    /// Share of a frame's error of the elevations that is corrected, 0 to 1; with 0 they stay as they are.
     pub gain: f32,
     /// Weight of "no error" against the residuals of a frame [m2]: one residual weighs its squared distance.
     pub prior_m2: f32,
@@ -38,7 +38,7 @@ impl Config {
     pub const PAPER: Self =
         Self { gain: 0.0, rod_depth_m: 0.0, vegetation_range_error: 0.0, ..Self::DEFAULT };
 
-    /// What the range to a point of a class is multiplied by, from its square [m2].
+    /// What the range to a point of a class is multiplied by, from its square [m2]. Within 1 m nothing is a rod.
     fn stretch(&self, class: SemanticClass, range2_m2: f32) -> f32 {
         use SemanticClass::*;
         match class {

@@ -112,7 +112,7 @@ fn bushes_are_not_ground() {
 }
 
 #[test]
-fn what_fits_a_known_wall_is_wall_whatever_it_was_called() {
+fn vegetation_that_fits_a_known_wall_is_wall() {
     let map = map_of(&room(1));
     let config = voxel_map::Config::DEFAULT;
     let (wall, _) = *room(2).iter().find(|(_, group)| *group == Group::Structure).expect("a room has walls");

@@ -1,6 +1,7 @@
 //! Dense refinement: 6-DoF registration of the static and ground cells of a scan against the voxels of the submap,
-//! point to distribution, robust, same group of classes only (vegetation also with the ground and the walls that it lies in). Not in the
-//! paper: hulls alone end at 1.5 to 4 % (our benchmarks, and others who built them), and a roll of zero costs 0.8 %.
+//! point to distribution, robust, same group of classes only (vegetation also with the ground and the walls that it lies
+//! in). Not in the paper: hulls alone end at 1.5 to 4 % (our benchmarks, and others who built them), and a roll of zero
+//! costs 0.8 %.
 
 use nalgebra::{Matrix6, UnitQuaternion, Vector3, Vector6};
 
